@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# Helper functions of this project's own CMake files. None of this is installed.
+
+# Warnings of our own code: PRIVATE, so that no consumer inherits them.
+function(dynslam_warnings target)
+  target_compile_options(${target} PRIVATE
+    -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow
+    $<$<BOOL:${DYNSLAM_WERROR}>:-Werror>)
+endfunction()
+
+# Common settings of tests, benchmarks and examples.
+function(dynslam_test_settings target)
+  dynslam_warnings(${target})
+  if(DYNSLAM_TEST_OPTIMIZATION)
+    target_compile_options(${target} PRIVATE ${DYNSLAM_TEST_OPTIMIZATION})
+  endif()
+endfunction()
+
+# dynslam::NAME, an INTERFACE target for include/dynslam/interop/NAME*.hpp on top of the core.
+function(dynslam_add_interop name)
+  file(GLOB headers CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/include/dynslam/interop/${name}*.hpp)
+  add_library(dynslam_${name} INTERFACE)
+  add_library(dynslam::${name} ALIAS dynslam_${name})
+  set_target_properties(dynslam_${name} PROPERTIES EXPORT_NAME ${name})
+  target_sources(dynslam_${name} INTERFACE
+    FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}/include FILES ${headers})
+  target_link_libraries(dynslam_${name} INTERFACE dynslam::core ${ARGN})
+endfunction()
+
+# Installs a target with its headers as component dynslam_NAME, exported as dynslam::NAME.
+function(dynslam_install name target)
+  install(TARGETS ${target} EXPORT dynslam-${name} COMPONENT dynslam_${name}
+    ARCHIVE COMPONENT dynslam_${name} FILE_SET HEADERS COMPONENT dynslam_${name})
+  install(EXPORT dynslam-${name} FILE dynslam-${name}.cmake NAMESPACE dynslam::
+    DESTINATION ${dynslam_cmake_dir} COMPONENT dynslam_${name})
+endfunction()
+
+# Registers one test per source file of a doctest executable, named PREFIX.FOLDER.FILE. The list is the
+# one the executable was compiled from, so no file can be left out; a run in which no test case ran fails.
+function(dynslam_register_doctest target prefix)
+  foreach(source IN LISTS ARGN)
+    cmake_path(RELATIVE_PATH source BASE_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR} OUTPUT_VARIABLE relative)
+    string(REGEX REPLACE "_test\\.cpp$" "" name ${relative})
+    string(REPLACE "/" "." name ${name})
+    add_test(NAME ${name} COMMAND ${target} "--source-file=*/tests/${relative}")
+    set_tests_properties(${name} PROPERTIES
+      LABELS ${prefix} TIMEOUT 300
+      FAIL_REGULAR_EXPRESSION "test cases: +0 \\|")
+  endforeach()
+endfunction()

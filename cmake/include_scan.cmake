@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# cmake -D ROOT=<repository> -P cmake/include_scan.cmake
+#
+# Checks what the headers below ROOT/include/dynslam include:
+#  - core headers: the C++ standard library (but not its streams, files and threads), Eigen and the core;
+#  - inside the core in one direction: config <- concepts <- image, geometry, robust <- the other folders;
+#  - interop headers: the core and one library, never the runtime;
+#  - the umbrella header dynslam.hpp: every header of the core.
+# Each fault is one line, FILE:LINE: reason. With EXPECT_FAULTS=n exactly n faults are a success.
+cmake_minimum_required(VERSION 3.24)
+
+set(std_headers
+  algorithm any array atomic bit bitset cassert cctype cerrno cfenv cfloat charconv chrono cinttypes climits
+  cmath compare complex concepts coroutine csetjmp cstdarg cstddef cstdint cstdlib cstring ctime deque
+  exception execution forward_list functional initializer_list iterator limits list map memory
+  memory_resource new numbers numeric optional queue random ranges ratio set span stack stdexcept string
+  string_view tuple type_traits typeindex typeinfo unordered_map unordered_set utility valarray variant
+  vector version)
+
+# The layer of a header given by its path below include/dynslam/.
+function(layer path out)
+  if(path MATCHES "^config\\.hpp$")
+    set(${out} 0 PARENT_SCOPE)
+  elseif(path MATCHES "^concepts/")
+    set(${out} 1 PARENT_SCOPE)
+  elseif(path MATCHES "^(image|geometry|robust)/")
+    set(${out} 2 PARENT_SCOPE)
+  elseif(path MATCHES "/")
+    set(${out} 3 PARENT_SCOPE)
+  else()
+    set(${out} 4 PARENT_SCOPE)
+  endif()
+endfunction()
+
+set(base ${ROOT}/include/dynslam)
+file(GLOB_RECURSE headers ${base}/*.hpp)
+if(NOT headers)
+  message(FATAL_ERROR "no headers below ${base}")
+endif()
+
+set(faults 0)
+foreach(header IN LISTS headers)
+  cmake_path(RELATIVE_PATH header BASE_DIRECTORY ${base} OUTPUT_VARIABLE self)
+  layer(${self} self_layer)
+  string(REGEX MATCH "^interop/" interop "${self}")
+
+  file(READ ${header} text)
+  # A list separator or bracket in the text would change how CMake splits it into lines.
+  string(REGEX REPLACE "[][;\\\\]" " " text "${text}")
+  string(REPLACE "\n" ";" lines "${text}")
+  set(number 0)
+  foreach(line IN LISTS lines)
+    math(EXPR number "${number} + 1")
+    if(NOT line MATCHES "^[ \t]*#[ \t]*include[ \t]*([<\"])([^>\"]+)[>\"]")
+      continue()
+    endif()
+    set(included ${CMAKE_MATCH_2})
+    set(reason "")
+    if(included MATCHES "^dynslam/(.+)$")
+      set(other ${CMAKE_MATCH_1})
+      layer(${other} other_layer)
+      if(other MATCHES "^runtime/")
+        set(reason "the runtime is above this header")
+      elseif(NOT interop AND other MATCHES "^interop/")
+        set(reason "the core must not include an interop header")
+      elseif(NOT EXISTS ${base}/${other})
+        set(reason "no such header")
+      elseif(NOT interop AND other_layer GREATER self_layer)
+        set(reason "${other} is in a higher layer")
+      endif()
+    elseif(included MATCHES "^(Eigen|unsupported/Eigen)/" OR included IN_LIST std_headers)
+    elseif(interop AND included MATCHES "^(opencv2|octomap)/")
+    else()
+      set(reason "not std, Eigen or the core of dynslam, or a part of std that the core does not use")
+    endif()
+    if(reason)
+      math(EXPR faults "${faults} + 1")
+      message("${header}:${number}: includes ${included}: ${reason}")
+    endif()
+  endforeach()
+endforeach()
+
+if(EXISTS ${base}/dynslam.hpp)
+  file(READ ${base}/dynslam.hpp umbrella)
+  foreach(header IN LISTS headers)
+    cmake_path(RELATIVE_PATH header BASE_DIRECTORY ${base} OUTPUT_VARIABLE self)
+    if(self MATCHES "^interop/" OR self STREQUAL "dynslam.hpp")
+      continue()
+    endif()
+    string(FIND "${umbrella}" "dynslam/${self}" position)
+    if(position EQUAL -1)
+      math(EXPR faults "${faults} + 1")
+      message("${base}/dynslam.hpp:1: does not include dynslam/${self}")
+    endif()
+  endforeach()
+endif()
+
+list(LENGTH headers count)
+message("${count} headers, ${faults} faults")
+if(DEFINED EXPECT_FAULTS)
+  if(NOT faults EQUAL EXPECT_FAULTS)
+    message(FATAL_ERROR "expected ${EXPECT_FAULTS} faults")
+  endif()
+elseif(faults)
+  message(FATAL_ERROR "include scan failed")
+endif()

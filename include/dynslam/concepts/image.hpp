@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <concepts>
+
+namespace dynslam {
+
+/// A readable image addressed as (u, v) = (column, row); integer coordinates are pixel centres.
+/// cv::Mat and Eigen matrices deliberately do not qualify (they are addressed row first): use a view.
+template <class I>
+concept ImageLike = requires(const I& image, int u, int v) {
+  typename I::Pixel;
+  { image.width() } -> std::same_as<int>;
+  { image.height() } -> std::same_as<int>;
+  { image(u, v) } -> std::convertible_to<typename I::Pixel>;
+};
+
+/// Depth along the optical axis in metres; invalid = NaN or <= 0.
+template <class I>
+concept DepthImage = ImageLike<I> && std::floating_point<typename I::Pixel>;
+
+/// Integer labels or masks (nonzero = set).
+template <class I>
+concept LabelImage = ImageLike<I> && std::integral<typename I::Pixel>;
+
+/// An image whose pixels can be assigned.
+template <class I>
+concept MutableImage = ImageLike<I> && requires(I& image, int u, int v, typename I::Pixel p) { image(u, v) = p; };
+
+}  // namespace dynslam

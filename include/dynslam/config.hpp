@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdlib>
+
+/// The state of a precondition check.
+///
+/// `DYNSLAM_ASSERT(condition, message)` states a precondition of a function. A broken precondition is a
+/// mistake in the calling program, never a property of its data: data that cannot be used are answered
+/// with an empty optional or a status value.
+///
+/// - `DYNSLAM_ENABLE_ASSERTS` defined as 1 checks, defined as 0 does not. Without it the checks follow
+///   NDEBUG, as `assert` does. It must have the same value in all translation units of a program.
+/// - A failed check calls `DYNSLAM_ASSERT_HANDLER(condition_text, message, file, line)`, a macro that a
+///   program may define before the first include. The default is `dynslam::assertion_failed`, which
+///   calls std::abort() and prints nothing: the core never prints.
+#ifndef DYNSLAM_ENABLE_ASSERTS
+#ifdef NDEBUG
+#define DYNSLAM_ENABLE_ASSERTS 0
+#else
+#define DYNSLAM_ENABLE_ASSERTS 1
+#endif
+#endif
+
+namespace dynslam {
+
+/// Default handler of a broken precondition: stops the program. The arguments are there to be read in a
+/// debugger.
+[[noreturn]] inline void assertion_failed(const char* /*condition*/, const char* /*message*/,
+                                          const char* /*file*/, int /*line*/) {
+  std::abort();
+}
+
+}  // namespace dynslam
+
+#ifndef DYNSLAM_ASSERT_HANDLER
+#define DYNSLAM_ASSERT_HANDLER(condition, message, file, line) \
+  ::dynslam::assertion_failed(condition, message, file, line)
+#endif
+
+#if DYNSLAM_ENABLE_ASSERTS
+#define DYNSLAM_ASSERT(condition, message)                                 \
+  (static_cast<bool>(condition)                                            \
+       ? static_cast<void>(0)                                              \
+       : static_cast<void>(DYNSLAM_ASSERT_HANDLER(#condition, message, __FILE__, __LINE__)))
+#else
+/// sizeof: the condition is compiled, so that it cannot rot, and never evaluated.
+#define DYNSLAM_ASSERT(condition, message) static_cast<void>(sizeof(static_cast<bool>(condition)))
+#endif

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <cmath>
+#include <concepts>
+#include <optional>
+
+#include "dynslam/concepts/image.hpp"
+#include "dynslam/image/depth.hpp"
+#include "dynslam/image/sample.hpp"
+
+namespace dynslam {
+
+/// Eq (3): E_I = I_ref(x) - I_cur(x') in grey values, x' being the projection of x with the present
+/// pose. nullopt where either lies outside its image.
+template <std::floating_point S, ImageLike A, ImageLike B>
+[[nodiscard]] std::optional<S> photometric_residual(const A& reference, const Eigen::Matrix<S, 2, 1>& x, const B& current,
+                                                    const Eigen::Matrix<S, 2, 1>& x_projected) {
+  const auto a = bilinear<S>(reference, x.x(), x.y());
+  const auto b = bilinear<S>(current, x_projected.x(), x_projected.y());
+  if (!a || !b) return std::nullopt;
+  return *a - *b;
+}
+
+/// Eq (5): E_C = |x' - x_m| in pixels, projection against match.
+template <std::floating_point S>
+[[nodiscard]] S reprojection_residual(const Eigen::Matrix<S, 2, 1>& x_projected, const Eigen::Matrix<S, 2, 1>& x_m) {
+  return (x_projected - x_m).norm();
+}
+
+/// Eq (6): E_D = (T_c P)_z - D(x_m) in metres: expected against measured depth at the match (nearest
+/// pixel: interpolation across a depth edge would make up a surface). nullopt without valid depth.
+template <std::floating_point S, DepthImage D>
+[[nodiscard]] std::optional<S> depth_residual(const Eigen::Matrix<S, 3, 1>& p_c, const D& depth,
+                                              const Eigen::Matrix<S, 2, 1>& x_m) {
+  if (!(x_m.x() > S(-0.5) && x_m.y() > S(-0.5) && x_m.x() < S(depth.width()) - S(0.5) && x_m.y() < S(depth.height()) - S(0.5))) {
+    return std::nullopt;
+  }
+  const auto z = static_cast<S>(depth(static_cast<int>(std::lround(x_m.x())), static_cast<int>(std::lround(x_m.y()))));
+  if (!is_valid_depth(z)) return std::nullopt;
+  return p_c.z() - z;
+}
+
+/// The three errors of one reference keypoint; the photometric and the depth error may be missing.
+template <std::floating_point S>
+struct KeypointResiduals {
+  S photometric = S(0);   ///< grey values
+  S reprojection = S(0);  ///< pixels
+  S depth = S(0);         ///< metres
+  bool has_photometric = false, has_depth = false;
+  [[nodiscard]] int dimension() const { return 1 + (has_photometric ? 1 : 0) + (has_depth ? 1 : 0); }
+};
+
+}  // namespace dynslam

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <numbers>
+#include <optional>
+#include <span>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "dynslam/concepts/scalar.hpp"
+#include "dynslam/geometry/se3.hpp"
+
+namespace dynslam {
+
+/// A camera pose at a time [s].
+template <std::floating_point S>
+struct StampedPose {
+  S t;
+  SE3<S> T_w_c;
+};
+
+/// Pairs (index in a, index in b) by TUM's greedy rule: all candidate pairs closer than `max_difference`
+/// seconds, nearest first, each stamp used once. Sorted by the index in `a`.
+/// @param a, b  increasing time stamps [s]
+/// @param offset  added to b's stamps [s]
+template <std::floating_point S>
+[[nodiscard]] std::vector<std::pair<std::size_t, std::size_t>> associate(std::span<const S> a, std::span<const S> b,
+                                                                         S max_difference = S(0.02), S offset = S(0)) {
+  std::vector<std::tuple<S, std::size_t, std::size_t>> candidates;
+  std::size_t first = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    while (first < b.size() && !(a[i] - (b[first] + offset) < max_difference)) ++first;
+    for (std::size_t j = first; j < b.size() && b[j] + offset - a[i] < max_difference; ++j) {
+      candidates.emplace_back(std::abs(a[i] - (b[j] + offset)), i, j);
+    }
+  }
+  std::sort(candidates.begin(), candidates.end());
+  std::vector<bool> used_a(a.size(), false), used_b(b.size(), false);
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (const auto& candidate : candidates) {
+    const std::size_t i = std::get<1>(candidate), j = std::get<2>(candidate);
+    if (used_a[i] || used_b[j]) continue;
+    used_a[i] = used_b[j] = true;
+    pairs.emplace_back(i, j);
+  }
+  std::sort(pairs.begin(), pairs.end());
+  return pairs;
+}
+
+/// Rigid T_b_a that minimises sum |T a_i - b_i|^2 (Horn 1987, by SVD; no scale).
+/// @return nullopt with fewer than 3 points or when they lie on one line (the rotation is free)
+template <std::floating_point S>
+[[nodiscard]] std::optional<SE3<S>> horn_alignment(std::span<const Eigen::Matrix<S, 3, 1>> a,
+                                                   std::span<const Eigen::Matrix<S, 3, 1>> b) {
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+  using Matrix3 = Eigen::Matrix<S, 3, 3>;
+  if (a.size() != b.size() || a.size() < 3) return std::nullopt;
+  Vector3 mean_a = Vector3::Zero(), mean_b = Vector3::Zero();
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    mean_a += a[i];
+    mean_b += b[i];
+  }
+  mean_a /= static_cast<S>(a.size());
+  mean_b /= static_cast<S>(a.size());
+  Matrix3 W = Matrix3::Zero();
+  for (std::size_t i = 0; i < a.size(); ++i) W += (b[i] - mean_b) * (a[i] - mean_a).transpose();
+  const Eigen::JacobiSVD<Matrix3> svd(W, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Vector3 s = svd.singularValues();
+  if (!(s(0) > S(0)) || !(s(1) > S(100) * Eigen::NumTraits<S>::epsilon() * s(0))) return std::nullopt;
+  Matrix3 D = Matrix3::Identity();
+  if (svd.matrixU().determinant() * svd.matrixV().determinant() < S(0)) D(2, 2) = S(-1);
+  const Matrix3 R = svd.matrixU() * D * svd.matrixV().transpose();
+  return SE3<S>(SO3<S>(R), mean_b - R * mean_a);
+}
+
+/// Moments of a set of errors; `std` is the population's (as numpy.std).
+template <std::floating_point S>
+struct Statistics {
+  S rmse = S(0), mean = S(0), median = S(0), std = S(0), min = S(0), max = S(0);
+};
+
+/// All zero for an empty set.
+template <std::floating_point S>
+[[nodiscard]] Statistics<S> statistics(std::span<const S> values) {
+  Statistics<S> result;
+  if (values.empty()) return result;
+  const auto n = static_cast<S>(values.size());
+  S sum = S(0), squares = S(0);
+  for (const S v : values) {
+    sum += v;
+    squares += v * v;
+  }
+  result.mean = sum / n;
+  result.rmse = std::sqrt(squares / n);
+  S variance = S(0);
+  for (const S v : values) variance += (v - result.mean) * (v - result.mean);
+  result.std = std::sqrt(variance / n);
+  std::vector<S> sorted(values.begin(), values.end());
+  std::sort(sorted.begin(), sorted.end());
+  const std::size_t half = sorted.size() / 2;
+  result.median = sorted.size() % 2 == 1 ? sorted[half] : S(0.5) * (sorted[half - 1] + sorted[half]);
+  result.min = sorted.front();
+  result.max = sorted.back();
+  return result;
+}
+
+template <std::floating_point S>
+struct AteResult {
+  std::size_t pairs = 0;
+  Statistics<S> translation;  ///< metres
+  SE3<S> T_gt_est;            ///< aligns the estimate with the ground truth
+  std::vector<S> times;       ///< stamps of the ground truth's poses [s]
+  std::vector<S> errors;      ///< metres, one per pair
+};
+
+namespace detail {
+template <std::floating_point S>
+[[nodiscard]] std::vector<S> stamps(std::span<const StampedPose<S>> trajectory) {
+  std::vector<S> t;
+  t.reserve(trajectory.size());
+  for (const auto& pose : trajectory) t.push_back(pose.t);
+  return t;
+}
+}  // namespace detail
+
+/// Absolute trajectory error after SE(3) alignment, as TUM's evaluate_ate.py.
+/// @return nullopt with fewer than 3 associated poses or degenerate positions
+template <std::floating_point S>
+[[nodiscard]] std::optional<AteResult<S>> absolute_trajectory_error(std::span<const StampedPose<S>> estimate,
+                                                                    std::span<const StampedPose<S>> groundtruth,
+                                                                    S max_difference = S(0.02)) {
+  const auto t_gt = detail::stamps(groundtruth), t_est = detail::stamps(estimate);
+  const auto pairs = associate<S>(t_gt, t_est, max_difference);
+  std::vector<Eigen::Matrix<S, 3, 1>> a, b;
+  for (const auto& [i, j] : pairs) {
+    b.push_back(groundtruth[i].T_w_c.translation());
+    a.push_back(estimate[j].T_w_c.translation());
+  }
+  const auto T = horn_alignment<S>(a, b);
+  if (!T) return std::nullopt;
+  AteResult<S> result;
+  result.pairs = pairs.size();
+  result.T_gt_est = *T;
+  for (std::size_t k = 0; k < pairs.size(); ++k) {
+    result.times.push_back(t_gt[pairs[k].first]);
+    result.errors.push_back((*T * a[k] - b[k]).norm());
+  }
+  result.translation = statistics<S>(result.errors);
+  return result;
+}
+
+template <std::floating_point S>
+struct RpeResult {
+  std::size_t pairs = 0;
+  Statistics<S> translation;   ///< metres per interval
+  Statistics<S> rotation_deg;  ///< degrees per interval
+};
+
+/// Relative pose error over `delta` seconds for all pairs, as TUM's
+/// evaluate_rpe.py --fixed_delta --delta 1 --delta_unit s.
+/// @return nullopt when no interval has ground truth near both ends (gap: twice its median period)
+template <std::floating_point S>
+[[nodiscard]] std::optional<RpeResult<S>> relative_pose_error(std::span<const StampedPose<S>> estimate,
+                                                              std::span<const StampedPose<S>> groundtruth, S delta = S(1)) {
+  if (estimate.size() < 2 || groundtruth.size() < 2) return std::nullopt;
+  const auto t_gt = detail::stamps(groundtruth), t_est = detail::stamps(estimate);
+  const auto closest = [](const std::vector<S>& times, S t) {
+    // TUM's bisection returns the nearest stamp; a tie goes to the earlier one.
+    const auto after = std::lower_bound(times.begin(), times.end(), t);
+    if (after == times.begin()) return std::size_t{0};
+    const auto i = static_cast<std::size_t>(after - times.begin());
+    if (after == times.end()) return i - 1;
+    return std::abs(times[i - 1] - t) <= std::abs(times[i] - t) ? i - 1 : i;
+  };
+  std::vector<S> periods;
+  for (std::size_t i = 1; i < t_gt.size(); ++i) periods.push_back(t_gt[i] - t_gt[i - 1]);
+  const S max_gap = S(2) * statistics<S>(periods).median;
+
+  std::vector<S> translation, rotation;
+  for (std::size_t i = 0; i < t_est.size(); ++i) {
+    const std::size_t j = closest(t_est, t_est[i] + delta);
+    if (j == t_est.size() - 1) continue;
+    const std::size_t gi = closest(t_gt, t_est[i]), gj = closest(t_gt, t_est[j]);
+    if (std::abs(t_gt[gi] - t_est[i]) > max_gap || std::abs(t_gt[gj] - t_est[j]) > max_gap) continue;
+    const SE3<S> motion_est = estimate[j].T_w_c.inverse() * estimate[i].T_w_c;
+    const SE3<S> motion_gt = groundtruth[gj].T_w_c.inverse() * groundtruth[gi].T_w_c;
+    const SE3<S> error = motion_est.inverse() * motion_gt;
+    translation.push_back(error.translation().norm());
+    rotation.push_back(error.so3().log().norm() * S(180) / std::numbers::pi_v<S>);
+  }
+  if (translation.size() < 2) return std::nullopt;
+  RpeResult<S> result;
+  result.pairs = translation.size();
+  result.translation = statistics<S>(translation);
+  result.rotation_deg = statistics<S>(rotation);
+  return result;
+}
+
+/// Eq (13): improvement of `beta` over the baseline `alpha` in percent.
+template <std::floating_point S>
+[[nodiscard]] constexpr S improvement_percent(S alpha, S beta) {
+  return (alpha - beta) / alpha * S(100);
+}
+
+}  // namespace dynslam

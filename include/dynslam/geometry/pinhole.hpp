@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+#include "dynslam/concepts/camera.hpp"
+#include "dynslam/concepts/scalar.hpp"
+
+namespace dynslam {
+
+/// Ideal pinhole camera, x = K p / p_z (Eqs 1 and 2). Focal lengths and centre in pixels.
+template <Scalar S>
+class Pinhole {
+ public:
+  using ScalarType = S;
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+  using Matrix3 = Eigen::Matrix<S, 3, 3>;
+  using Jacobian = Eigen::Matrix<S, 2, 3>;
+
+  Pinhole() = default;
+  Pinhole(S fx, S fy, S cx, S cy) : fx_(fx), fy_(fy), cx_(cx), cy_(cy) {}
+
+  [[nodiscard]] const S& fx() const { return fx_; }
+  [[nodiscard]] const S& fy() const { return fy_; }
+  [[nodiscard]] const S& cx() const { return cx_; }
+  [[nodiscard]] const S& cy() const { return cy_; }
+
+  /// Pixel of a camera-frame point, nullopt when it is not in front of the camera (z <= 1e-6 m).
+  [[nodiscard]] std::optional<Vector2> project(const Vector3& p) const { return project(p, nullptr); }
+
+  /// The same with the derivative d x / d p (2 x 3) where `J` is given.
+  [[nodiscard]] std::optional<Vector2> project(const Vector3& p, Jacobian* J) const {
+    if (!(S(1e-6) < p.z())) return std::nullopt;
+    const S inverse = S(1) / p.z();
+    const S x = p.x() * inverse, y = p.y() * inverse;
+    if (J != nullptr) *J << fx_ * inverse, S(0), -fx_ * x * inverse, S(0), fy_ * inverse, -fy_ * y * inverse;
+    return Vector2(fx_ * x + cx_, fy_ * y + cy_);
+  }
+
+  /// Camera-frame point of a pixel at depth `z` along the optical axis [m].
+  [[nodiscard]] Vector3 unproject(const Vector2& x, const S& z) const { return ray(x) * z; }
+  /// Viewing ray with z = 1.
+  [[nodiscard]] Vector3 ray(const Vector2& x) const {
+    return Vector3((x.x() - cx_) / fx_, (x.y() - cy_) / fy_, S(1));
+  }
+  [[nodiscard]] Matrix3 K() const {
+    Matrix3 k;
+    k << fx_, S(0), cx_, S(0), fy_, cy_, S(0), S(0), S(1);
+    return k;
+  }
+  template <Scalar T>
+  [[nodiscard]] Pinhole<T> cast() const {
+    return Pinhole<T>(T(fx_), T(fy_), T(cx_), T(cy_));
+  }
+
+ private:
+  S fx_ = S(1), fy_ = S(1), cx_ = S(0), cy_ = S(0);
+};
+
+static_assert(CameraModel<Pinhole<float>> && CameraModel<Pinhole<double>>);
+
+}  // namespace dynslam

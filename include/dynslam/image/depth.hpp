@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <concepts>
+#include <cstdint>
+#include <limits>
+
+#include "dynslam/config.hpp"
+#include "dynslam/image/image_view.hpp"
+
+namespace dynslam {
+
+/// The one validity rule for depth: finite and positive [m].
+template <std::floating_point S>
+[[nodiscard]] constexpr bool is_valid_depth(S z) {
+  return z > S(0) && z <= std::numeric_limits<S>::max();
+}
+
+/// Raw sensor units to metres: out = raw / units_per_metre, 0 becomes NaN.
+/// @param units_per_metre  5000 for TUM fr1 and fr3, 5208 for fr2
+template <std::floating_point S>
+void depth_to_metres(ImageView<const std::uint16_t> raw, S units_per_metre, ImageView<S> out) {
+  DYNSLAM_ASSERT(raw.width() == out.width() && raw.height() == out.height(), "both images need the same size");
+  const S scale = S(1) / units_per_metre;
+  for (int v = 0; v < raw.height(); ++v) {
+    const std::uint16_t* from = raw.row(v);
+    S* to = out.row(v);
+    for (int u = 0; u < raw.width(); ++u) {
+      to[u] = from[u] == 0 ? std::numeric_limits<S>::quiet_NaN() : static_cast<S>(from[u]) * scale;
+    }
+  }
+}
+
+/// Standard deviation of structured-light depth: sigma(z) = base + quad * z^2 [m], from the constant
+/// disparity error of the sensor (Khoshelham and Elberink 2012).
+template <std::floating_point S>
+struct DepthNoise {
+  S base = S(0.001);
+  S quad = S(0.0019);
+  [[nodiscard]] constexpr S sigma(S z) const { return base + quad * z * z; }
+};
+
+}  // namespace dynslam

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "dynslam/concepts/robust.hpp"
+#include "dynslam/geometry/pinhole.hpp"
+#include "dynslam/geometry/se3.hpp"
+#include "dynslam/image/depth.hpp"
+#include "dynslam/optim/normal_equations.hpp"
+#include "dynslam/robust/t_distribution.hpp"
+
+namespace dynslam {
+
+/// A known point seen at a pixel, with a measured depth where there is one.
+template <Scalar S>
+struct PoseObservation {
+  Eigen::Matrix<S, 3, 1> p_w;   ///< world [m]
+  Eigen::Matrix<S, 2, 1> x;     ///< ideal (undistorted) pixel
+  S depth = S(0);               ///< along the optical axis [m]; invalid: reprojection only
+  S inv_sigma_px2 = S(1);       ///< 1 / variance of each pixel coordinate [1/px^2]
+  S inv_sigma_z2 = S(0);        ///< 1 / variance of the depth [1/m^2]
+};
+
+template <Scalar S>
+struct PoseOptions {
+  int rounds = 3;               ///< optimisations, each followed by a new choice of inliers
+  int max_iterations = 8;       ///< accepted or refused steps per round
+  bool use_depth = true;
+  S inlier_chi2_2d = S(5.991);  ///< 95 % of chi-square with 2 degrees of freedom
+  S inlier_chi2_3d = S(7.815);  ///< and with 3
+  int min_observations = 6;
+  S tolerance = S(1e-6);        ///< norm of the step that ends a round
+};
+
+enum class PoseStatus : std::uint8_t {
+  converged,
+  max_iterations,         ///< the last round still moved when its iterations ended; the pose is usable
+  too_few_observations,   ///< fewer observations or inliers than min_observations; pose = last good one
+  degenerate,             ///< the observations do not determine the pose
+  diverged                ///< non-finite input or no point in front of the camera
+};
+
+template <Scalar S>
+struct PoseResult {
+  SE3<S> T_c_w;
+  Eigen::Matrix<S, 6, 6> covariance = Eigen::Matrix<S, 6, 6>::Zero();  ///< of the left increment; zero on failure
+  int inliers = 0;
+  PoseStatus status = PoseStatus::too_few_observations;
+  int iterations = 0;
+  S cost = S(0);  ///< sum of rho over the inliers
+  [[nodiscard]] bool ok() const { return status == PoseStatus::converged || status == PoseStatus::max_iterations; }
+};
+
+/// Memory and per-observation output of optimize_pose; keep it between calls to avoid allocation.
+template <Scalar S>
+struct PoseWorkspace {
+  std::vector<std::uint8_t> inlier;  ///< out: 1 = within the chi-square bound at the result
+  std::vector<S> weight;             ///< out: robust weight at the result
+};
+
+/// Residual [u - x_u, v - x_v, p_z - depth] of a camera-frame point and its derivative with respect
+/// to the left increment [upsilon; omega] of T_c_w (rows 0-1: Eq 5, row 2: Eq 6).
+/// @return false when the point is not in front of the camera
+template <Scalar S>
+[[nodiscard]] bool pose_residual(const Pinhole<S>& camera, const SE3<S>& T_c_w, const PoseObservation<S>& o,
+                                 Eigen::Matrix<S, 3, 1>& r, Eigen::Matrix<S, 3, 6>* J) {
+  const Eigen::Matrix<S, 3, 1> p = T_c_w * o.p_w;
+  typename Pinhole<S>::Jacobian dx;
+  const auto x = camera.project(p, J != nullptr ? &dx : nullptr);
+  if (!x) return false;
+  r << x->x() - o.x.x(), x->y() - o.x.y(), p.z() - o.depth;
+  if (J != nullptr) {  // d p / d delta = [I, -hat(p)]
+    Eigen::Matrix<S, 3, 6> dp;
+    dp << S(1), S(0), S(0), S(0), p.z(), -p.y(), S(0), S(1), S(0), -p.z(), S(0), p.x(), S(0), S(0), S(1), p.y(), -p.x(), S(0);
+    J->template topRows<2>().noalias() = dx * dp;
+    J->row(2) = dp.row(2);
+  }
+  return true;
+}
+
+/// Pose from reprojection and depth with a robust kernel on their joint squared normalised residual,
+/// by Levenberg-Marquardt. After each round the observations are sorted into inliers and outliers
+/// anew by chi-square, so an outlier may come back. Allocates only while the workspace grows.
+/// @param kernel  one kernel serves both cases; a t-distribution keeps the numerator it was given
+template <std::floating_point S, RobustKernel<S> Kernel>
+PoseResult<S> optimize_pose(const Pinhole<S>& camera, std::span<const PoseObservation<S>> observations,
+                            const SE3<S>& T_c_w_initial, const PoseOptions<S>& options, const Kernel& kernel,
+                            PoseWorkspace<S>& workspace) {
+  PoseResult<S> result;
+  result.T_c_w = T_c_w_initial;
+  const std::size_t n = observations.size();
+  workspace.inlier.assign(n, 1);
+  workspace.weight.assign(n, S(0));
+  if (n < static_cast<std::size_t>(options.min_observations)) return result;
+
+  const auto chi2 = [&](const PoseObservation<S>& o, const Eigen::Matrix<S, 3, 1>& r, bool depth) {
+    const S pixel = o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y());
+    return depth ? pixel + o.inv_sigma_z2 * r.z() * r.z() : pixel;
+  };
+  const auto has_depth = [&](const PoseObservation<S>& o) {
+    return options.use_depth && o.inv_sigma_z2 > S(0) && is_valid_depth(o.depth);
+  };
+  // Cost over the inliers; points behind the camera make it infinite so that such a step is refused.
+  const auto cost_at = [&](const SE3<S>& T) {
+    S sum = S(0);
+    Eigen::Matrix<S, 3, 1> r;
+    for (std::size_t i = 0; i < n; ++i) {
+      if (workspace.inlier[i] == 0) continue;
+      if (!pose_residual<S>(camera, T, observations[i], r, nullptr)) return std::numeric_limits<S>::infinity();
+      sum += kernel.rho(chi2(observations[i], r, has_depth(observations[i])));
+    }
+    return sum;
+  };
+
+  NormalEquations<S, 6> system;
+  SE3<S> T = T_c_w_initial;
+  for (int round = 0; round < options.rounds; ++round) {
+    S lambda = S(1e-4), cost = cost_at(T);
+    if (!std::isfinite(cost)) {  // the start puts inliers behind the camera: those cannot be inliers
+      Eigen::Matrix<S, 3, 1> r;
+      for (std::size_t i = 0; i < n; ++i) {
+        if (!pose_residual<S>(camera, T, observations[i], r, nullptr) || !r.allFinite()) workspace.inlier[i] = 0;
+      }
+      cost = cost_at(T);
+      if (!std::isfinite(cost)) {
+        result.status = PoseStatus::diverged;
+        return result;
+      }
+    }
+    bool converged = false;
+    bool linearise = true;
+    for (int iteration = 0; iteration < options.max_iterations && !converged; ++iteration) {
+      ++result.iterations;
+      if (linearise) {
+        system.set_zero();
+        Eigen::Matrix<S, 3, 1> r;
+        Eigen::Matrix<S, 3, 6> J;
+        for (std::size_t i = 0; i < n; ++i) {
+          if (workspace.inlier[i] == 0) continue;
+          const PoseObservation<S>& o = observations[i];
+          if (!pose_residual(camera, T, o, r, &J)) continue;
+          const bool depth = has_depth(o);
+          const S weight = kernel.weight(chi2(o, r, depth));
+          system.add_row(J.row(0), r.x(), weight * o.inv_sigma_px2);
+          system.add_row(J.row(1), r.y(), weight * o.inv_sigma_px2);
+          if (depth) system.add_row(J.row(2), r.z(), weight * o.inv_sigma_z2);
+        }
+        linearise = false;
+      }
+      Eigen::Matrix<S, 6, 1> step;
+      if (!system.solve(lambda, step)) {
+        result.status = PoseStatus::degenerate;
+        return result;
+      }
+      const SE3<S> trial = SE3<S>::exp(step) * T;
+      const S trial_cost = cost_at(trial);
+      if (trial_cost <= cost) {
+        T = trial;
+        cost = trial_cost;
+        lambda = std::max(lambda * S(0.1), S(1e-9));
+        linearise = true;
+      } else {
+        lambda *= S(10);
+      }
+      converged = step.norm() < options.tolerance;
+    }
+    result.status = converged ? PoseStatus::converged : PoseStatus::max_iterations;
+
+    int inliers = 0;
+    result.cost = S(0);
+    Eigen::Matrix<S, 3, 1> r;
+    for (std::size_t i = 0; i < n; ++i) {
+      const PoseObservation<S>& o = observations[i];
+      const bool depth = has_depth(o);
+      const bool visible = pose_residual<S>(camera, T, o, r, nullptr);
+      const S s = visible ? chi2(o, r, depth) : std::numeric_limits<S>::infinity();
+      workspace.inlier[i] = s < (depth ? options.inlier_chi2_3d : options.inlier_chi2_2d) ? 1 : 0;
+      workspace.weight[i] = visible ? kernel.weight(s) : S(0);
+      if (workspace.inlier[i] != 0) {
+        ++inliers;
+        result.cost += kernel.rho(s);
+      }
+    }
+    result.inliers = inliers;
+    if (inliers < options.min_observations) {
+      result.status = PoseStatus::too_few_observations;
+      return result;
+    }
+    result.T_c_w = T;
+  }
+  if (!system.covariance(result.covariance)) result.status = PoseStatus::degenerate;
+  return result;
+}
+
+}  // namespace dynslam

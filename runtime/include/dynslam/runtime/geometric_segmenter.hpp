@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <deque>
+#include <opencv2/core.hpp>
+#include <span>
+#include <vector>
+
+#include "dynslam/dynamics/free_space.hpp"
+#include "dynslam/geometry/epipolar.hpp"
+#include "dynslam/image/image.hpp"
+#include "dynslam/runtime/camera.hpp"
+#include "dynslam/runtime/frame.hpp"
+#include "dynslam/segment/mask.hpp"
+#include "dynslam/segment/region_growing.hpp"
+
+namespace dynslam::runtime {
+
+struct GeometryOptions {
+  // Keypoints of the reference keyframe (paper, steps 5 to 8)
+  int lk_points = 400;             ///< keypoints tracked at most
+  int lk_window = 21;              ///< side of the Lucas-Kanade window [px]
+  int lk_levels = 3;               ///< pyramid levels above the first
+  double forward_backward = 1.0;   ///< largest forward-backward error [px]
+  double epipolar_px = 1.5;        ///< distance to the epipolar line that makes a mismatch [px]
+  double min_parallax_px = 4.0;    ///< below: F is not estimated (degenerate)
+  double nu = 5.0;                 ///< degrees of freedom of the t-distribution
+  double tau = 0.25;               ///< static weight below which a keypoint is dynamic (numerator nu + d)
+  std::uint64_t seed = 1;          ///< of the RANSAC
+  // Dense free-space check
+  int stride = 4;                  ///< pixels per cell of the reduced grid
+  double max_depth = 5.0;          ///< metres; beyond, depth is too noisy to judge
+  FreeSpaceMargins<float> margins;
+  int carry_frames = 20;           ///< how long a mask survives without new evidence
+  int min_seed_cells = 12;         ///< smaller seed groups are noise
+  int min_region_cells = 30;       ///< smaller regions are dropped
+  // Region growing
+  float step_base = 0.03F;         ///< depth step between neighbouring cells [m]
+  float step_quad = 0.010F;        ///< and its growth with z^2 [1/m]
+  double max_fraction = 0.7;       ///< share of the valid depth beyond which a region has leaked
+};
+
+struct GeometryStatistics {
+  int tracked = 0;           ///< reference keypoints followed into the frame
+  int epipolar_outliers = 0;
+  bool epipolar_used = false;
+  int dynamic_keypoints = 0; ///< static weight < tau
+  double sigma_photometric = 0, sigma_reprojection = 0, sigma_depth_factor = 0;
+  int seeds = 0;             ///< cells that start the growing
+  int regions_leaked = 0;    ///< dropped by the guard
+  double lk_ms = 0, residuals_ms = 0, dense_ms = 0, growing_ms = 0;
+};
+
+/// Finds what moves without knowing what it is (paper, steps 5 to 9), from a reference keyframe's
+/// keypoints and from the space that earlier frames saw to be free.
+class GeometricSegmenter {
+ public:
+  GeometricSegmenter(const CameraConfig& camera, const GeometryOptions& options);
+
+  /// Makes `frame` the reference keyframe.
+  void set_reference(const Frame& frame, const cv::Mat& gray);
+  [[nodiscard]] bool has_reference() const { return !reference_.pixels.empty(); }
+
+  /// Mask of moving pixels (CV_8UC1, 255) of the frame with the given initial pose.
+  /// @param prior  a-priori dynamic mask (may be empty): its points never enter scales or F
+  cv::Mat segment(const cv::Mat& gray, const cv::Mat& depth, const SE3<double>& T_c_w, const cv::Mat& prior,
+                  GeometryStatistics& statistics);
+
+  /// Keeps the frame just segmented, with its final pose and mask, as evidence for later ones.
+  /// Must be called once per tracked frame, after `segment` (or alone: the depth is reduced then).
+  void remember(const cv::Mat& depth, const SE3<double>& T_c_w, const cv::Mat& dynamic_mask, bool segmented);
+
+  /// Reference keypoints of the last call, in this frame: pixel and verdict (for pictures).
+  struct Match {
+    cv::Point2f from, to;
+    float weight;
+    bool dynamic;
+  };
+  [[nodiscard]] const std::vector<Match>& matches() const { return matches_; }
+
+ private:
+  struct Reference {
+    std::vector<cv::Mat> pyramid;
+    std::vector<cv::Point2f> pixels;
+    std::vector<Eigen::Vector2d> ideal;
+    std::vector<Eigen::Vector3d> points_w;
+    cv::Mat gray;
+    SE3<double> T_c_w;
+  };
+  struct View {
+    DepthBounds<float> bounds;
+    Image<std::uint8_t> dynamic;  ///< final mask on the reduced grid
+    Image<std::uint8_t> age;      ///< frames since direct evidence
+    SE3<double> T_c_w;
+  };
+
+  void reduce(const cv::Mat& depth);
+  void track_reference(const cv::Mat& gray, const cv::Mat& depth, const SE3<double>& T_c_w, const cv::Mat& prior,
+                       GeometryStatistics& statistics);
+  void check_free_space(const SE3<double>& T_c_w);
+  void add_keypoint_seeds();
+  void grow(GeometryStatistics& statistics);
+  void enlarge(const cv::Mat& depth, cv::Mat& mask) const;
+  [[nodiscard]] int cell_of_pixel(float u, float v) const;
+
+  CameraConfig camera_;
+  GeometryOptions options_;
+  int width_, height_;                  // of the reduced grid
+  std::vector<int> pixel_of_cell_;      // raw pixel index per cell, -1 outside
+  std::vector<int> cell_of_pixel_;      // cell index per raw pixel, -1 outside
+  std::vector<Eigen::Vector2f> ray_;    // per cell: x/z, y/z
+  Reference reference_;
+  std::deque<View> views_;              // newest first
+  std::vector<View> spare_;             // memory of dropped views
+  Image<float> depth_;                  // reduced depth of the present frame
+  Image<std::uint8_t> seed_, barrier_, mask_, age_, smooth_;
+  RegionGrowingWorkspace growing_;
+  MaskWorkspace morphology_;
+  std::vector<std::uint8_t> region_age_;
+  std::vector<Match> matches_;
+};
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <istream>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace dynslam::runtime {
+
+/// The words of a line; commas and tabs separate as blanks do (as in TUM's tools).
+[[nodiscard]] std::vector<std::string_view> split_words(std::string_view line);
+
+/// A finite number that fills the whole word; nullopt otherwise.
+[[nodiscard]] std::optional<double> parse_number(std::string_view word);
+
+/// Reads a text file line by line, skipping blank lines and comments (#).
+class LineReader {
+ public:
+  explicit LineReader(std::istream& in) : in_(in) {}
+  /// Next line with content; false at the end.
+  bool next();
+  [[nodiscard]] const std::string& line() const { return line_; }
+  [[nodiscard]] std::size_t number() const { return number_; }  ///< 1-based
+
+ private:
+  std::istream& in_;
+  std::string line_;
+  std::size_t number_ = 0;
+};
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "dynslam/optim/pose.hpp"
+#include "dynslam/runtime/camera.hpp"
+#include "dynslam/runtime/feature_extractor.hpp"
+#include "dynslam/runtime/frame.hpp"
+#include "dynslam/runtime/geometric_segmenter.hpp"
+#include "dynslam/runtime/local_map.hpp"
+#include "dynslam/runtime/mask_reader.hpp"
+#include "dynslam/runtime/tum_reader.hpp"
+
+namespace dynslam::runtime {
+
+/// Which masks remove features (the rows of the paper's Table 4).
+enum class DynamicsMode { none, semantic, geometric, both };
+
+[[nodiscard]] std::optional<DynamicsMode> parse_dynamics(std::string_view name);
+[[nodiscard]] std::string_view to_string(DynamicsMode mode);
+[[nodiscard]] constexpr bool uses_semantic(DynamicsMode m) { return m == DynamicsMode::semantic || m == DynamicsMode::both; }
+[[nodiscard]] constexpr bool uses_geometry(DynamicsMode m) { return m == DynamicsMode::geometric || m == DynamicsMode::both; }
+
+struct TrackerOptions {
+  DynamicsMode dynamics = DynamicsMode::both;
+  FeatureOptions features;
+  GeometryOptions geometry;
+  double nu = 5.0;                ///< t-distribution of the pose optimisation
+  double depth_noise_base = 0.004;///< metres
+  double depth_noise_quad = 0.008;///< metres at 1 m, growing with z^2: sensor noise, time offset to the colour image
+  double max_point_depth = 5.0;   ///< farther depth makes no map points [m]
+  int min_inliers = 25;           ///< fewer: the pose is not accepted
+  int local_keyframes = 12;       ///< neighbours whose points are searched
+  int semantic_dilation = 9;      ///< pixels added around a-priori masks
+  double keyframe_ratio = 0.75;   ///< of the last keyframe's tracked points
+  int keyframe_max_gap = 30;      ///< frames
+  int keyframe_min_gap = 3;       ///< frames
+  double keyframe_translation = 0.15;  ///< metres
+  double keyframe_rotation = 0.20;     ///< radians
+  int reference_distance = 5;     ///< keyframes between the present one and the reference (paper, step 4)
+};
+
+/// Parts of a frame's work, in the order of the columns of timings.csv.
+enum class Stage { features, initial_pose, local_map, lucas_kanade, residuals, free_space, growing, pose, keyframe, tracking };
+inline constexpr std::array<std::string_view, 10> kStageNames{
+    "features", "initial_pose", "local_map", "lucas_kanade", "residuals",
+    "free_space", "growing", "pose", "keyframe", "tracking"};
+using StageTimes = std::array<double, kStageNames.size()>;  ///< milliseconds
+
+enum class TrackingState { not_initialised, tracked, relocalised, lost };
+[[nodiscard]] std::string_view to_string(TrackingState state);
+
+struct TrackResult {
+  TrackingState state = TrackingState::not_initialised;
+  SE3<double> T_w_c;
+  bool keyframe = false;
+  bool mask_rejected = false;  ///< the mask left too few features and was not applied to the pose
+  int matches = 0, inliers = 0;
+  cv::Mat dynamic_mask;        ///< CV_8UC1, 255 = dynamic; always of image size
+  GeometryStatistics geometry;
+  StageTimes times{};
+};
+
+/// Frame-to-local-map RGB-D tracking with the paper's order of work per frame: initial pose from
+/// points outside the a-priori mask, geometry against the reference keyframe, fused mask, second
+/// optimisation on what is left.
+class Tracker {
+ public:
+  Tracker(const CameraConfig& camera, const TrackerOptions& options);
+
+  /// Tracks the next frame. `prior` is the a-priori (semantic) mask, if there is one.
+  TrackResult track(const RgbdFrame& input, const std::optional<Masks>& prior);
+
+  [[nodiscard]] const LocalMap& map() const { return map_; }
+
+ private:
+  void extract(const RgbdFrame& input, Frame& frame);
+  void flag_dynamic(Frame& frame, const cv::Mat& mask) const;
+  bool initialise(Frame& frame, const RgbdFrame& input);
+  int match_last(Frame& frame, const SE3<double>& T_c_w, float radius);
+  int match_local(Frame& frame, const SE3<double>& T_c_w);
+  /// Pose from the frame's matches outside its dynamic flags; outliers lose their match.
+  PoseResult<double> optimise(Frame& frame, const SE3<double>& start, bool drop_outliers);
+  bool relocalise(Frame& frame, SE3<double>& T_c_w);
+  [[nodiscard]] bool wants_keyframe(const Frame& frame, int inliers) const;
+  void insert_keyframe(Frame& frame, const RgbdFrame& input);
+  [[nodiscard]] double depth_information(double z) const;
+  [[nodiscard]] Eigen::Vector3d point_of(const Frame& frame, int feature) const;
+  [[nodiscard]] bool find_best(const Frame& frame, const Descriptor& descriptor, float x, float y, float radius,
+                               int octave_low, int octave_high, int max_distance, float ratio, int& best,
+                               int& distance) const;
+
+  CameraConfig camera_;
+  TrackerOptions options_;
+  FeatureExtractor extractor_;
+  GeometricSegmenter geometry_;
+  LocalMap map_;
+  Frame last_;
+  SE3<double> velocity_;  // T_c_last
+  bool initialised_ = false;
+  int lost_frames_ = 0;
+  int reference_id_ = 0;
+  std::size_t last_keyframe_index_ = 0;
+  int last_keyframe_tracked_ = 0;
+  std::vector<cv::Point2f> undistort_lut_;  // per raw pixel: ideal pixel
+  std::vector<cv::KeyPoint> keypoints_;
+  std::vector<int> candidates_, observation_feature_, match_distance_;
+  std::vector<PoseObservation<double>> observations_;
+  PoseWorkspace<double> workspace_;
+};
+
+}  // namespace dynslam::runtime

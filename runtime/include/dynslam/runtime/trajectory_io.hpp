@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <istream>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "dynslam/eval/trajectory.hpp"
+
+namespace dynslam::runtime {
+
+/// Reads "timestamp tx ty tz qx qy qz qw" lines (TUM format; commas allowed, # comments).
+/// @param name  of the file, for error messages
+/// @throws InputError  with the line: wrong number of columns, a word that is no finite number, a zero
+///         quaternion, time stamps that do not increase; or an empty file
+[[nodiscard]] std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::string& name);
+[[nodiscard]] std::vector<StampedPose<double>> read_trajectory(const std::filesystem::path& path);
+
+/// Writes TUM format (time with 6 decimals, pose with 9), through a temporary file, so that a reader
+/// never sees half a trajectory. @throws InputError when it cannot be written
+void write_trajectory(const std::filesystem::path& path, std::span<const StampedPose<double>> trajectory);
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/pipeline.hpp"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <exception>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <octomap/octomap.h>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <utility>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/mask_reader.hpp"
+#include "dynslam/runtime/semantic_mapper.hpp"
+#include "dynslam/runtime/stopwatch.hpp"
+#include "dynslam/runtime/trajectory_io.hpp"
+#include "dynslam/runtime/tum_reader.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kMapMaskMargin = 7;  // pixels around movers that never become map
+
+/// Time of each stage per frame, in the order of kStageNames, with the wall time of the whole frame.
+struct Timings {
+  struct Row {
+    std::string stamp;
+    StageTimes times;
+    double frame_ms;  // everything the main loop did for the frame, waiting for the reader included
+  };
+  std::vector<Row> rows;
+
+  void write(const fs::path& path) const {
+    std::ofstream out(path);
+    out << "timestamp";
+    for (const auto name : kStageNames) out << ',' << name;
+    out << ",frame\n";
+    for (const Row& row : rows) {
+      out << row.stamp;
+      for (const double ms : row.times) out << fmt::format(",{:.3f}", ms);
+      out << fmt::format(",{:.3f}\n", row.frame_ms);
+    }
+    out.flush();
+    if (!out) throw InputError(path.string(), 0, "cannot be written");
+  }
+
+  [[nodiscard]] std::map<std::string, StageStatistics> statistics() const {
+    std::map<std::string, StageStatistics> result;
+    if (rows.empty()) return result;
+    std::vector<double> values(rows.size());
+    const auto add = [&](std::string name, auto&& value) {
+      for (std::size_t i = 0; i < rows.size(); ++i) values[i] = value(rows[i]);
+      std::sort(values.begin(), values.end());
+      const auto last = static_cast<double>(values.size() - 1);
+      result[std::move(name)] = {values[values.size() / 2], values[static_cast<std::size_t>(last * 0.95 + 0.5)]};
+    };
+    for (std::size_t s = 0; s < kStageNames.size(); ++s) {
+      add(std::string(kStageNames[s]), [s](const Row& row) { return row.times[s]; });
+    }
+    add("frame", [](const Row& row) { return row.frame_ms; });
+    return result;
+  }
+};
+
+double peak_rss_mb() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024.0;
+}
+
+nlohmann::json summary_json(const RunOptions& options, const CameraConfig& camera, const RunSummary& s) {
+  nlohmann::json j;
+  j["frames"] = s.frames;
+  j["tracked"] = s.tracked;
+  j["lost"] = s.lost;
+  j["broken"] = s.broken;
+  j["interrupted"] = s.interrupted;
+  j["problems"] = s.problems;
+  for (const auto& [name, value] : s.stages) j["stages"][name] = {{"median_ms", value.median_ms}, {"p95_ms", value.p95_ms}};
+  j["fps"] = s.fps;
+  j["peak_rss_mb"] = s.peak_rss_mb;
+  const TrackerOptions& t = options.tracker;
+  j["configuration"] = {{"sequence", options.sequence.string()},
+                        {"camera", camera.name},
+                        {"dynamics", std::string(to_string(options.dynamics))},
+                        {"masks", options.masks.string()},
+                        {"map", options.map},
+                        {"map_resolution", options.map_resolution},
+                        {"max_frames", options.max_frames},
+                        {"seed", options.seed},
+                        {"features", t.features.features},
+                        {"nu", t.nu},
+                        {"geometry_nu", t.geometry.nu},
+                        {"tau", t.geometry.tau}};
+  j["versions"] = {{"dynslam", DYNSLAM_VERSION},
+                   {"opencv", CV_VERSION},
+                   {"eigen", fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
+                   {"compiler", __VERSION__}};
+  return j;
+}
+
+void write_text(const fs::path& path, const std::string& text) {
+  std::ofstream out(path);
+  out << text;
+  out.flush();
+  if (!out) throw InputError(path.string(), 0, "cannot be written");
+}
+
+void make_folder(const fs::path& path) {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (error || !fs::is_directory(path)) throw InputError(path.string(), 0, "cannot be made a folder: " + error.message());
+}
+
+void write_mask(const fs::path& path, const cv::Mat& mask) {
+  if (!cv::imwrite(path.string(), mask, {cv::IMWRITE_PNG_COMPRESSION, 1})) {
+    throw InputError(path.string(), 0, "cannot be written");
+  }
+}
+
+}  // namespace
+
+RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop,
+                        const std::function<void(const Progress&)>& progress) {
+  if (uses_semantic(options.dynamics) && options.masks.empty()) {
+    throw UsageError(fmt::format("--dynamics {} needs a-priori masks: give --masks DIR, or use --dynamics geometric",
+                                 to_string(options.dynamics)));
+  }
+  SequenceOptions sequence_options;
+  sequence_options.max_frames = options.max_frames;
+  const Sequence sequence = load_sequence(options.sequence, sequence_options);
+  const CameraConfig camera = load_camera(options.camera.empty() ? sequence.camera_hint : options.camera);
+  std::optional<MaskSource> masks;
+  if (uses_semantic(options.dynamics)) masks.emplace(options.masks, MaskOptions{});
+
+  // The output is proven writable before hours are spent on computing it.
+  make_folder(options.out);
+  write_text(options.out / "summary.json", "{}\n");
+  if (options.save_masks) make_folder(options.out / "masks");
+
+  TrackerOptions tracker_options = options.tracker;
+  tracker_options.dynamics = options.dynamics;
+  tracker_options.geometry.seed = options.seed;
+  Tracker tracker(camera, tracker_options);
+  std::unique_ptr<SemanticMapper> mapper;
+  if (options.map) {
+    SemanticMapperOptions mapper_options;
+    mapper_options.resolution = options.map_resolution;
+    mapper = std::make_unique<SemanticMapper>(camera.model, camera.width, camera.height, mapper_options);
+  }
+
+  RunSummary summary;
+  Timings timings;
+  std::vector<StampedPose<double>> keyframes;
+  std::exception_ptr failure;
+  Stopwatch wall;
+  double elapsed_ms = 0;
+  FrameStream stream(sequence, camera, StreamOptions{});
+  const cv::Mat margin = cv::getStructuringElement(cv::MORPH_RECT, {2 * kMapMaskMargin + 1, 2 * kMapMaskMargin + 1});
+  cv::Mat never_map;
+  try {
+    while (!stop.load()) {
+      auto next = stream.next();
+      if (!next) break;
+      ++summary.frames;
+      if (!next->frame) {
+        ++summary.broken;
+        summary.problems.push_back(next->error);
+      } else {
+        const RgbdFrame& frame = *next->frame;
+        std::optional<Masks> prior;
+        if (masks) prior = masks->read(frame.stamp, camera.width, camera.height);
+        TrackResult result = tracker.track(frame, prior);
+        const bool tracked = result.state == TrackingState::tracked || result.state == TrackingState::relocalised;
+        if (tracked) {
+          ++summary.tracked;
+          summary.trajectory.push_back({frame.t, result.T_w_c});
+        } else {
+          ++summary.lost;
+          summary.problems.push_back(fmt::format("{}: {}", frame.stamp, to_string(result.state)));
+        }
+        if (options.save_masks) write_mask(options.out / "masks" / (frame.stamp + ".png"), result.dynamic_mask);
+        if (result.keyframe) {
+          keyframes.push_back({frame.t, result.T_w_c});
+          if (mapper) {
+            cv::dilate(result.dynamic_mask, never_map, margin);
+            mapper->insert({result.T_w_c, frame.depth, never_map.clone(), prior ? prior->labels : cv::Mat(), frame.bgr});
+          }
+        }
+        const double lap = wall.lap_ms();
+        elapsed_ms += lap;
+        timings.rows.push_back({frame.stamp, result.times, lap});
+      }
+      if (progress) {
+        const double fps = elapsed_ms > 0 ? 1000.0 * static_cast<double>(summary.frames) / elapsed_ms : 0.0;
+        const auto left = static_cast<double>(sequence.frames.size() - summary.frames);
+        progress({summary.frames, sequence.frames.size(), fps, fps > 0 ? left / fps : 0.0, summary.lost});
+      }
+    }
+  } catch (...) {  // what was computed is saved first
+    failure = std::current_exception();
+  }
+  summary.interrupted = stop.load();
+  if (mapper) {
+    try {
+      mapper->finish();
+      mapper->save(options.out / "map.ot");
+    } catch (...) {
+      if (!failure) failure = std::current_exception();
+    }
+  }
+  elapsed_ms += wall.lap_ms();
+  summary.fps = elapsed_ms > 0 ? 1000.0 * static_cast<double>(summary.frames) / elapsed_ms : 0.0;
+  summary.peak_rss_mb = peak_rss_mb();
+  summary.stages = timings.statistics();
+
+  write_trajectory(options.out / "trajectory.txt", summary.trajectory);
+  write_trajectory(options.out / "keyframes.txt", keyframes);
+  timings.write(options.out / "timings.csv");
+  write_text(options.out / "summary.json", summary_json(options, camera, summary).dump(2) + "\n");
+  if (failure) std::rethrow_exception(failure);
+  if (summary.tracked == 0 && !summary.interrupted) {
+    throw InputError(options.sequence.string(), 0,
+                     summary.problems.empty() ? "no frame could be tracked"
+                                              : "no frame could be tracked; first problem: " + summary.problems.front());
+  }
+  return summary;
+}
+
+}  // namespace dynslam::runtime

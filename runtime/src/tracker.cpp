@@ -1,0 +1,467 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/tracker.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "dynslam/runtime/stopwatch.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+constexpr int kMatchFar = 100;   // Hamming distance accepted where the geometry already limits the search
+constexpr int kMatchNear = 60;   // and where it does not
+constexpr std::size_t kInitialFeatures = 100;  // with depth, to start a map
+
+double& time_of(StageTimes& times, Stage stage) { return times[static_cast<std::size_t>(stage)]; }
+
+}  // namespace
+
+std::optional<DynamicsMode> parse_dynamics(std::string_view name) {
+  for (const auto mode : {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both}) {
+    if (name == to_string(mode)) return mode;
+  }
+  return std::nullopt;
+}
+
+std::string_view to_string(DynamicsMode mode) {
+  switch (mode) {
+    case DynamicsMode::none: return "none";
+    case DynamicsMode::semantic: return "semantic";
+    case DynamicsMode::geometric: return "geometric";
+    case DynamicsMode::both: return "both";
+  }
+  return "unknown";
+}
+
+std::string_view to_string(TrackingState state) {
+  switch (state) {
+    case TrackingState::not_initialised: return "not initialised";
+    case TrackingState::tracked: return "tracked";
+    case TrackingState::relocalised: return "relocalised";
+    case TrackingState::lost: return "lost";
+  }
+  return "unknown";
+}
+
+Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
+    : camera_(camera), options_(options), extractor_(options.features), geometry_(camera, options.geometry) {
+  undistort_lut_.resize(static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height));
+  for (int v = 0; v < camera_.height; ++v) {
+    for (int u = 0; u < camera_.width; ++u) {
+      const auto ideal = camera_.model.undistort_pixel(Eigen::Vector2d(u, v));
+      // Where the distortion has no inverse the pixel carries no geometry: it is put outside the image.
+      undistort_lut_[static_cast<std::size_t>(v * camera_.width + u)] =
+          ideal ? cv::Point2f(static_cast<float>(ideal->x()), static_cast<float>(ideal->y())) : cv::Point2f(-1e6F, -1e6F);
+    }
+  }
+}
+
+double Tracker::depth_information(double z) const {
+  const double sigma = options_.depth_noise_base + options_.depth_noise_quad * z * z;
+  return 1.0 / (sigma * sigma);
+}
+
+Eigen::Vector3d Tracker::point_of(const Frame& frame, int feature) const {
+  const Feature& f = frame.features[static_cast<std::size_t>(feature)];
+  const Eigen::Vector3d p_c = camera_.model.pinhole().unproject(Eigen::Vector2d(f.x, f.y), static_cast<double>(f.depth));
+  return frame.T_c_w.inverse() * p_c;
+}
+
+void Tracker::extract(const RgbdFrame& input, Frame& frame) {
+  extractor_.extract(input.gray, keypoints_, frame.descriptors);
+  frame.index = input.index;
+  frame.t = input.t;
+  frame.features.resize(keypoints_.size());
+  for (std::size_t i = 0; i < keypoints_.size(); ++i) {
+    const cv::KeyPoint& k = keypoints_[i];
+    Feature& f = frame.features[i];
+    f.u = k.pt.x;
+    f.v = k.pt.y;
+    f.octave = k.octave;
+    f.angle = k.angle;
+    const int u = cvRound(k.pt.x), v = cvRound(k.pt.y);
+    // The distortion is smooth: its displacement at the nearest pixel serves the sub-pixel position.
+    const cv::Point2f ideal = undistort_lut_[static_cast<std::size_t>(v * camera_.width + u)];
+    f.x = ideal.x + (k.pt.x - static_cast<float>(u));
+    f.y = ideal.y + (k.pt.y - static_cast<float>(v));
+    const float z = input.depth.at<float>(v, u);
+    f.depth = is_valid_depth(z) ? z : 0.0F;
+  }
+  frame.point.assign(frame.features.size(), -1);
+  frame.dynamic.assign(frame.features.size(), 0);
+  frame.grid.build(frame.features, camera_.width, camera_.height);
+}
+
+void Tracker::flag_dynamic(Frame& frame, const cv::Mat& mask) const {
+  if (mask.empty()) return;
+  for (std::size_t i = 0; i < frame.features.size(); ++i) {
+    const Feature& f = frame.features[i];
+    if (mask.at<std::uint8_t>(cvRound(f.v), cvRound(f.u)) != 0) frame.dynamic[i] = 1;
+  }
+}
+
+bool Tracker::initialise(Frame& frame, const RgbdFrame& input) {
+  std::size_t usable = 0;
+  for (std::size_t i = 0; i < frame.features.size(); ++i) {
+    if (frame.dynamic[i] == 0 && frame.features[i].depth > 0) ++usable;
+  }
+  if (usable < kInitialFeatures) return false;
+  frame.T_c_w = SE3<double>();
+  insert_keyframe(frame, input);
+  initialised_ = true;
+  return true;
+}
+
+bool Tracker::find_best(const Frame& frame, const Descriptor& descriptor, float x, float y, float radius,
+                        int octave_low, int octave_high, int max_distance, float ratio, int& best,
+                        int& distance) const {
+  int second = 257, best_octave = -1, second_octave = -2;
+  best = -1;
+  distance = 257;
+  frame.grid.for_each_near(frame.features, x, y, radius, [&](int i) {
+    const auto k = static_cast<std::size_t>(i);
+    const int octave = frame.features[k].octave;
+    if (frame.dynamic[k] != 0 || octave < octave_low || octave > octave_high) return;
+    const int d = hamming_distance(descriptor, frame.descriptors[k]);
+    if (d < distance) {
+      second = distance;
+      second_octave = best_octave;
+      distance = d;
+      best_octave = octave;
+      best = i;
+    } else if (d < second) {
+      second = d;
+      second_octave = octave;
+    }
+  });
+  if (best < 0 || distance > max_distance) return false;
+  return second_octave != best_octave || static_cast<float>(distance) <= ratio * static_cast<float>(second);
+}
+
+int Tracker::match_last(Frame& frame, const SE3<double>& T_c_w, float radius) {
+  const auto& pinhole = camera_.model.pinhole();
+  std::fill(frame.point.begin(), frame.point.end(), -1);
+  match_distance_.assign(frame.features.size(), 257);
+  int matches = 0;
+  for (std::size_t i = 0; i < last_.features.size(); ++i) {
+    const int id = last_.point[i];
+    if (id < 0 || map_.point(id).bad || last_.dynamic[i] != 0) continue;
+    const MapPoint& p = map_.point(id);
+    const auto x = pinhole.project(T_c_w * p.p_w);
+    if (!x) continue;
+    const Feature& f = last_.features[i];
+    int best = -1, distance = 0;
+    if (!find_best(frame, last_.descriptors[i], static_cast<float>(x->x()), static_cast<float>(x->y()),
+                   radius * extractor_.scale(f.octave), f.octave - 1, f.octave + 1, kMatchFar, 0.9F, best, distance)) {
+      continue;
+    }
+    const auto b = static_cast<std::size_t>(best);
+    if (distance >= match_distance_[b]) continue;
+    if (frame.point[b] < 0) ++matches;
+    frame.point[b] = id;
+    match_distance_[b] = distance;
+  }
+  return matches;
+}
+
+int Tracker::match_local(Frame& frame, const SE3<double>& T_c_w) {
+  const auto& pinhole = camera_.model.pinhole();
+  const Eigen::Vector3d centre = T_c_w.inverse().translation();
+  map_.local_points(frame, options_.local_keyframes, candidates_);
+  match_distance_.assign(frame.features.size(), 257);
+  std::vector<std::uint8_t> taken(map_.points().size(), 0);
+  for (std::size_t i = 0; i < frame.point.size(); ++i) {
+    if (frame.point[i] < 0) continue;
+    MapPoint& p = map_.point(frame.point[i]);
+    taken[static_cast<std::size_t>(frame.point[i])] = 1;
+    match_distance_[i] = -1;  // matched already: not to be replaced
+    ++p.visible;
+    ++p.found;
+  }
+  int matches = 0;
+  const float log_factor = std::log(extractor_.scale_factor());
+  for (const int id : candidates_) {
+    if (taken[static_cast<std::size_t>(id)] != 0) continue;
+    MapPoint& p = map_.point(id);
+    const Eigen::Vector3d p_c = T_c_w * p.p_w;
+    const auto x = pinhole.project(p_c);
+    if (!x || x->x() < 0 || x->y() < 0 || x->x() >= camera_.width || x->y() >= camera_.height) continue;
+    const Eigen::Vector3d ray = p.p_w - centre;
+    const double distance_m = ray.norm();
+    const double cosine = ray.dot(p.viewing) / (distance_m * std::max(1e-9, p.viewing.norm()));
+    if (cosine < 0.5) continue;
+    const float ratio = p.reference_distance / static_cast<float>(distance_m);
+    const int octave = std::clamp(
+        p.reference_octave + static_cast<int>(std::lround(std::log(ratio) / log_factor)), 0, extractor_.levels() - 1);
+    ++p.visible;
+    int best = -1, distance = 0;
+    const float radius = (cosine > 0.998 ? 2.5F : 4.0F) * 1.5F * extractor_.scale(octave);
+    if (!find_best(frame, p.descriptor, static_cast<float>(x->x()), static_cast<float>(x->y()), radius, octave - 1,
+                   octave + 1, kMatchFar, 0.8F, best, distance)) {
+      continue;
+    }
+    const auto b = static_cast<std::size_t>(best);
+    if (distance >= match_distance_[b]) continue;
+    if (frame.point[b] < 0) {
+      ++matches;
+    } else {
+      --map_.point(frame.point[b]).found;
+    }
+    frame.point[b] = id;
+    match_distance_[b] = distance;
+    ++p.found;
+  }
+  return matches;
+}
+
+PoseResult<double> Tracker::optimise(Frame& frame, const SE3<double>& start, bool drop_outliers) {
+  observations_.clear();
+  observation_feature_.clear();
+  for (std::size_t i = 0; i < frame.features.size(); ++i) {
+    if (frame.point[i] < 0 || frame.dynamic[i] != 0) continue;
+    const Feature& f = frame.features[i];
+    const double scale = static_cast<double>(extractor_.scale(f.octave));
+    PoseObservation<double> o;
+    o.p_w = map_.point(frame.point[i]).p_w;
+    o.x = Eigen::Vector2d(f.x, f.y);
+    o.depth = static_cast<double>(f.depth);
+    o.inv_sigma_px2 = 1.0 / (scale * scale);
+    o.inv_sigma_z2 = f.depth > 0 ? depth_information(o.depth) : 0.0;
+    observations_.push_back(o);
+    observation_feature_.push_back(static_cast<int>(i));
+  }
+  PoseOptions<double> options;
+  const TDistribution<double> kernel{options_.nu};
+  PoseResult<double> result = optimize_pose(camera_.model.pinhole(), std::span<const PoseObservation<double>>(observations_),
+                                            start, options, kernel, workspace_);
+  if (drop_outliers) {
+    for (std::size_t k = 0; k < observations_.size(); ++k) {
+      if (workspace_.inlier[k] == 0) frame.point[static_cast<std::size_t>(observation_feature_[k])] = -1;
+    }
+  }
+  return result;
+}
+
+bool Tracker::relocalise(Frame& frame, SE3<double>& T_c_w) {
+  const auto& keyframes = map_.keyframes();
+  constexpr std::size_t kTried = 15;
+  cv::Matx33d K(camera_.model.pinhole().fx(), 0, camera_.model.pinhole().cx(), 0, camera_.model.pinhole().fy(),
+                camera_.model.pinhole().cy(), 0, 0, 1);
+  const std::size_t step = std::max<std::size_t>(1, keyframes.size() / kTried);
+  for (std::size_t back = 0; back < keyframes.size(); back += back < 5 ? 1 : step) {
+    const Frame& kf = keyframes[keyframes.size() - 1 - back].frame;
+    std::vector<cv::Point3d> object;
+    std::vector<cv::Point2d> image;
+    std::vector<std::pair<int, int>> pairs;  // feature, point
+    for (std::size_t i = 0; i < frame.features.size(); ++i) {
+      if (frame.dynamic[i] != 0) continue;
+      int best = -1, distance = 257, second = 257;
+      for (std::size_t j = 0; j < kf.features.size(); ++j) {
+        if (kf.point[j] < 0) continue;
+        const int d = hamming_distance(frame.descriptors[i], kf.descriptors[j]);
+        if (d < distance) {
+          second = distance;
+          distance = d;
+          best = static_cast<int>(j);
+        } else if (d < second) {
+          second = d;
+        }
+      }
+      if (best < 0 || distance > kMatchNear || 10 * distance > 8 * second) continue;
+      const int id = kf.point[static_cast<std::size_t>(best)];
+      if (map_.point(id).bad) continue;
+      const Eigen::Vector3d& p = map_.point(id).p_w;
+      object.emplace_back(p.x(), p.y(), p.z());
+      image.emplace_back(frame.features[i].x, frame.features[i].y);
+      pairs.emplace_back(static_cast<int>(i), id);
+    }
+    if (object.size() < 15) continue;
+    cv::Vec3d rvec, tvec;
+    std::vector<int> inliers;
+    if (!cv::solvePnPRansac(object, image, K, cv::noArray(), rvec, tvec, false, 200, 4.0F, 0.99, inliers, cv::SOLVEPNP_EPNP) ||
+        inliers.size() < 12) {
+      continue;
+    }
+    cv::Matx33d R;
+    cv::Rodrigues(rvec, R);
+    Eigen::Matrix3d rotation;
+    cv::cv2eigen(cv::Mat(R), rotation);
+    const SE3<double> guess(Eigen::Quaterniond(rotation), Eigen::Vector3d(tvec[0], tvec[1], tvec[2]));
+    std::fill(frame.point.begin(), frame.point.end(), -1);
+    for (const int k : inliers) frame.point[static_cast<std::size_t>(pairs[static_cast<std::size_t>(k)].first)] = pairs[static_cast<std::size_t>(k)].second;
+    PoseResult<double> result = optimise(frame, guess, true);
+    match_local(frame, result.T_c_w);
+    result = optimise(frame, result.T_c_w, true);
+    if (result.inliers >= 2 * options_.min_inliers) {
+      T_c_w = result.T_c_w;
+      return true;
+    }
+  }
+  return false;
+}
+
+TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& prior) {
+  TrackResult result;
+  Stopwatch whole, watch;
+  Frame frame;
+  extract(input, frame);
+  cv::Mat semantic;
+  if (uses_semantic(options_.dynamics) && prior && !prior->dynamic.empty()) {
+    const int size = 2 * options_.semantic_dilation + 1;
+    cv::dilate(prior->dynamic, semantic, cv::getStructuringElement(cv::MORPH_RECT, {size, size}));
+    flag_dynamic(frame, semantic);
+  }
+  result.dynamic_mask = semantic.empty() ? cv::Mat::zeros(input.gray.size(), CV_8UC1) : semantic.clone();
+  time_of(result.times, Stage::features) = watch.lap_ms();
+
+  if (!initialised_) {
+    if (initialise(frame, input)) {
+      result.state = TrackingState::tracked;
+      result.keyframe = true;
+      result.inliers = last_keyframe_tracked_;
+      if (uses_geometry(options_.dynamics)) geometry_.remember(input.depth, frame.T_c_w, result.dynamic_mask, false);
+      last_ = std::move(frame);
+    }
+    time_of(result.times, Stage::keyframe) = watch.lap_ms();
+    time_of(result.times, Stage::tracking) = whole.lap_ms();
+    return result;
+  }
+
+  // Initial pose: points outside the a-priori mask, first near where the last frame's points are
+  // expected, then the local map's.
+  bool ok = false;
+  SE3<double> T_c_w;
+  if (lost_frames_ == 0) {
+    const SE3<double> predicted = velocity_ * last_.T_c_w;
+    for (const float radius : {12.0F, 30.0F}) {
+      if (match_last(frame, predicted, radius) < options_.min_inliers) continue;
+      const PoseResult<double> pose = optimise(frame, predicted, true);
+      T_c_w = pose.T_c_w;
+      ok = pose.inliers >= options_.min_inliers;
+      if (ok) break;
+    }
+  }
+  time_of(result.times, Stage::initial_pose) = watch.lap_ms();
+  if (ok) {
+    match_local(frame, T_c_w);
+    const PoseResult<double> pose = optimise(frame, T_c_w, true);
+    ok = pose.inliers >= options_.min_inliers;
+    T_c_w = pose.T_c_w;
+    result.inliers = pose.inliers;
+  }
+  result.state = TrackingState::tracked;
+  if (!ok) {
+    ok = relocalise(frame, T_c_w);
+    result.state = ok ? TrackingState::relocalised : TrackingState::lost;
+  }
+  time_of(result.times, Stage::local_map) = watch.lap_ms();
+  if (!ok) {
+    ++lost_frames_;
+    time_of(result.times, Stage::tracking) = whole.lap_ms();
+    return result;
+  }
+
+  // Geometry, fusion, second optimisation on what is left.
+  if (uses_geometry(options_.dynamics)) {
+    const cv::Mat moving = geometry_.segment(input.gray, input.depth, T_c_w, semantic, result.geometry);
+    cv::bitwise_or(result.dynamic_mask, moving, result.dynamic_mask);
+    time_of(result.times, Stage::lucas_kanade) = result.geometry.lk_ms;
+    time_of(result.times, Stage::residuals) = result.geometry.residuals_ms;
+    time_of(result.times, Stage::free_space) = result.geometry.dense_ms;
+    time_of(result.times, Stage::growing) = result.geometry.growing_ms;
+    watch.lap_ms();
+
+    const std::vector<std::uint8_t> before = frame.dynamic;
+    flag_dynamic(frame, result.dynamic_mask);
+    int left = 0;
+    for (std::size_t i = 0; i < frame.point.size(); ++i) left += frame.point[i] >= 0 && frame.dynamic[i] == 0 ? 1 : 0;
+    result.mask_rejected = left < options_.min_inliers;
+    if (!result.mask_rejected) {
+      const PoseResult<double> pose = optimise(frame, T_c_w, true);
+      if (pose.inliers >= options_.min_inliers) {
+        T_c_w = pose.T_c_w;
+        result.inliers = pose.inliers;
+      } else {
+        result.mask_rejected = true;
+      }
+    }
+    for (std::size_t i = 0; i < frame.point.size(); ++i) {
+      if (frame.dynamic[i] == 0 || frame.point[i] < 0) continue;
+      ++map_.point(frame.point[i]).on_mover;
+      frame.point[i] = -1;
+    }
+  }
+  frame.T_c_w = T_c_w;
+  for (const int p : frame.point) result.matches += p >= 0 ? 1 : 0;
+  time_of(result.times, Stage::pose) = watch.lap_ms();
+
+  velocity_ = lost_frames_ == 0 ? T_c_w * last_.T_c_w.inverse() : SE3<double>();
+  lost_frames_ = 0;
+  if (uses_geometry(options_.dynamics)) geometry_.remember(input.depth, T_c_w, result.dynamic_mask, true);
+  if (wants_keyframe(frame, result.inliers)) {
+    insert_keyframe(frame, input);
+    result.keyframe = true;
+  }
+  result.T_w_c = T_c_w.inverse();
+  last_ = std::move(frame);
+  time_of(result.times, Stage::keyframe) = watch.lap_ms();
+  time_of(result.times, Stage::tracking) = whole.lap_ms();
+  return result;
+}
+
+bool Tracker::wants_keyframe(const Frame& frame, int inliers) const {
+  const auto gap = static_cast<int>(frame.index - last_keyframe_index_);
+  if (gap < options_.keyframe_min_gap) return false;
+  if (gap >= options_.keyframe_max_gap) return true;
+  if (static_cast<double>(inliers) < options_.keyframe_ratio * static_cast<double>(last_keyframe_tracked_)) return true;
+  const SE3<double> T = frame.T_c_w * map_.keyframes().back().frame.T_c_w.inverse();
+  return T.translation().norm() > options_.keyframe_translation || T.so3().log().norm() > options_.keyframe_rotation;
+}
+
+void Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
+  const Eigen::Vector3d centre = frame.T_c_w.inverse().translation();
+  int tracked = 0;
+  for (std::size_t i = 0; i < frame.features.size(); ++i) {
+    const Feature& f = frame.features[i];
+    if (frame.dynamic[i] != 0) continue;
+    const bool has_depth = f.depth > 0 && static_cast<double>(f.depth) <= options_.max_point_depth;
+    if (frame.point[i] >= 0) {
+      ++tracked;
+      MapPoint& p = map_.point(frame.point[i]);
+      p.viewing += (p.p_w - centre).normalized();
+      if (has_depth) {  // information-weighted mean of what the keyframes measured
+        const double information = depth_information(static_cast<double>(f.depth));
+        p.p_w = (p.information * p.p_w + information * point_of(frame, static_cast<int>(i))) / (p.information + information);
+        p.information += information;
+      }
+      continue;
+    }
+    if (!has_depth) continue;
+    MapPoint p;
+    p.p_w = point_of(frame, static_cast<int>(i));
+    p.viewing = (p.p_w - centre).normalized();
+    p.descriptor = frame.descriptors[i];
+    p.information = depth_information(static_cast<double>(f.depth));
+    p.reference_distance = static_cast<float>((p.p_w - centre).norm());
+    p.reference_octave = f.octave;
+    p.visible = p.found = 1;
+    frame.point[i] = map_.add_point(std::move(p));
+    ++tracked;
+  }
+  const int id = map_.add_keyframe(frame);
+  map_.cull();
+  last_keyframe_index_ = frame.index;
+  last_keyframe_tracked_ = tracked;
+  if (uses_geometry(options_.dynamics) && (!geometry_.has_reference() || id - reference_id_ > options_.reference_distance)) {
+    geometry_.set_reference(frame, input.gray);
+    reference_id_ = id;
+  }
+}
+
+}  // namespace dynslam::runtime

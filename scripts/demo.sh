@@ -1,0 +1,23 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
+#
+# Builds the program, renders a synthetic sequence with moving people and things, and runs the whole method and
+# its variants on it. Results, tables and images are left in results/demo.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+scripts/install-deps.sh app
+
+mkdir -p build/release results
+cmake --preset release -D DYNSLAM_BUILD_TESTS=OFF -D DYNSLAM_BUILD_BENCHMARKS=OFF -D DYNSLAM_BUILD_EXAMPLES=OFF \
+  > build/release/configure.log 2>&1 || { cat build/release/configure.log; exit 1; }
+cmake --build --preset release --target dynslam -j "$(nproc)"
+dynslam=build/release/bin/dynslam
+
+out=results/demo
+rm -rf "$out"
+"$dynslam" synth "$out/sequence"
+"$dynslam" ablate "$out/sequence" --out "$out"
+
+echo
+echo "Results: $PWD/$out"

@@ -1,0 +1,82 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
+#
+# Installs the packages that dynslam needs on Debian or Ubuntu. Does nothing when all are installed.
+#
+#   scripts/install-deps.sh          everything: program, tests, benchmarks, second compiler
+#   scripts/install-deps.sh app      only what building and running the program needs
+set -euo pipefail
+
+app=(build-essential cmake ninja-build ccache
+  libeigen3-dev libopencv-dev liboctomap-dev libcli11-dev nlohmann-json3-dev libfmt-dev)
+development=(git clang doctest-dev libbenchmark-dev libceres-dev)
+
+fail() {
+  echo "install-deps: $*" >&2
+  exit 1
+}
+
+case "${1:-all}" in
+  app) packages=("${app[@]}") ;;
+  all) packages=("${app[@]}" "${development[@]}") ;;
+  *) fail "unknown argument '$1' (known: app, all)" ;;
+esac
+
+command -v apt-get > /dev/null && command -v dpkg-query > /dev/null ||
+  fail "no apt-get here; install by hand: ${packages[*]}"
+
+installed() {
+  [ "$(dpkg-query -W -f '${db:Status-Status}' "$1" 2> /dev/null)" = installed ]
+}
+
+# The sanitizers' runtime carries the version of the distribution's clang in its name.
+sanitizer_runtime() {
+  local version
+  version=$(dpkg-query -W -f '${Depends}' clang 2> /dev/null | grep -oE 'clang-[0-9]+' | head -n 1) ||
+    version=$(apt-cache depends clang 2> /dev/null | grep -oE 'clang-[0-9]+' | head -n 1) || return 0
+  local package="libclang-rt-${version#clang-}-dev"
+  # Older distributions ship it inside another package that clang depends on.
+  if installed "$package" || apt-cache show "$package" > /dev/null 2>&1; then
+    echo "$package"
+  fi
+}
+
+missing() {
+  local package
+  for package in "${packages[@]}"; do
+    installed "$package" || echo "$package"
+  done
+}
+
+with_sanitizers() {
+  if [ "${1:-all}" = all ]; then
+    local runtime
+    runtime=$(sanitizer_runtime)
+    [ -z "$runtime" ] || packages+=("$runtime")
+  fi
+}
+
+if [ -z "$(missing)" ]; then
+  with_sanitizers "${1:-all}"
+  if [ -z "$(missing)" ]; then
+    echo "install-deps: all ${#packages[@]} packages are installed"
+    exit 0
+  fi
+fi
+
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+  command -v sudo > /dev/null ||
+    fail "not root and no sudo; have these installed: $(missing | tr '\n' ' ')"
+  as_root=(sudo)
+fi
+export DEBIAN_FRONTEND=noninteractive
+
+"${as_root[@]}" apt-get -q update || fail "apt-get update failed (is the network up?)"
+with_sanitizers "${1:-all}"
+read -r -d "" -a wanted <<< "$(missing)" || true
+echo "install-deps: installing ${wanted[*]}"
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+  apt-get -q install -y --no-install-recommends "${wanted[@]}" ||
+  fail "apt-get could not install: ${wanted[*]}"
+echo "install-deps: done"

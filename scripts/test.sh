@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
+#
+# Builds with g++ and clang, warnings as errors, and runs every test; then the tests again under the address
+# and undefined behaviour sanitizers. Ends with one line that says what passed.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+scripts/install-deps.sh
+jobs=${JOBS:-$(nproc)}
+
+step() { printf '\n=== %s (%d s so far)\n' "$*" "$SECONDS"; }
+
+# One preset: configure, build, test. Keeps the last lines of ctest for the summary.
+check() {
+  local preset=$1
+  shift
+  step "$preset: configure"
+  mkdir -p "build/$preset"
+  cmake --preset "$preset" -D DYNSLAM_WERROR=ON -D DYNSLAM_BUILD_TESTS=ON -D DYNSLAM_BUILD_BENCHMARKS=ON \
+    -D DYNSLAM_BUILD_EXAMPLES=ON "$@" > "build/$preset/configure.log" 2>&1 || {
+    cat "build/$preset/configure.log"
+    exit 1
+  }
+  step "$preset: build"
+  cmake --build --preset "$preset" -j "$jobs"
+  step "$preset: test"
+  ctest --preset "$preset" -j "$jobs" 2>&1 | tee "build/$preset/ctest.log"
+  summary+=("$preset: $(grep 'tests passed' "build/$preset/ctest.log")")
+}
+
+summary=()
+check release
+# clang compiles everything with warnings as errors here, so one build serves both purposes.
+check asan-ubsan
+
+step "done"
+printf '%s\n' "${summary[@]}"

@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# Configures, builds and runs tests/consumer against the installed core or the source tree.
+file(REMOVE_RECURSE ${WORK})
+file(MAKE_DIRECTORY ${WORK})
+
+if(MODE STREQUAL "installed")
+  execute_process(COMMAND ${CMAKE_COMMAND} --install ${BUILD} --prefix ${WORK}/prefix --component dynslam_core
+    COMMAND_ERROR_IS_FATAL ANY OUTPUT_QUIET)
+  set(options -D CMAKE_PREFIX_PATH=${WORK}/prefix)
+else()
+  set(options -D DYNSLAM_SOURCE=${SOURCE})
+endif()
+
+execute_process(
+  COMMAND ${CMAKE_COMMAND} -S ${SOURCE}/tests/consumer -B ${WORK}/build -G ${GENERATOR}
+    -D CMAKE_BUILD_TYPE=Release -D CMAKE_CXX_COMPILER=${COMPILER} -D CMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}
+    -D CMAKE_DISABLE_FIND_PACKAGE_OpenCV=ON -D CMAKE_DISABLE_FIND_PACKAGE_octomap=ON ${options}
+  COMMAND_ERROR_IS_FATAL ANY)
+execute_process(COMMAND ${CMAKE_COMMAND} --build ${WORK}/build COMMAND_ERROR_IS_FATAL ANY)
+execute_process(COMMAND ${WORK}/build/consumer COMMAND_ERROR_IS_FATAL ANY)

@@ -1,0 +1,6 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "all_headers.hpp"
+
+int second();
+
+int main() { return second(); }

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/feature_extractor.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <opencv2/imgproc.hpp>
+
+using namespace dynslam;
+using namespace dynslam::runtime;
+
+namespace {
+
+/// Random rectangles: strong texture on the left half, faint on the right.
+cv::Mat uneven_texture() {
+  cv::RNG rng(7);
+  cv::Mat image(480, 640, CV_8UC1, cv::Scalar(128));
+  for (int i = 0; i < 1500; ++i) {
+    const cv::Point p(rng.uniform(0, 640), rng.uniform(0, 480));
+    const int contrast = p.x < 320 ? 100 : 16;
+    cv::rectangle(image, cv::Rect(p.x, p.y, rng.uniform(5, 30), rng.uniform(5, 30)),
+                  cv::Scalar(128 + rng.uniform(-contrast, contrast)), cv::FILLED);
+  }
+  return image;
+}
+
+}  // namespace
+
+TEST_CASE("features cover weakly textured parts of the image too") {
+  FeatureExtractor extractor{FeatureOptions{}};
+  std::vector<cv::KeyPoint> keypoints;
+  std::vector<Descriptor> descriptors;
+  extractor.extract(uneven_texture(), keypoints, descriptors);
+  REQUIRE(keypoints.size() == descriptors.size());
+  CHECK(keypoints.size() > 600);
+  CHECK(keypoints.size() < 1400);
+  const auto right = std::count_if(keypoints.begin(), keypoints.end(), [](const cv::KeyPoint& k) { return k.pt.x > 340; });
+  CHECK(right > static_cast<long>(keypoints.size() / 4));
+}
+
+TEST_CASE("extraction depends on the image alone") {
+  FeatureExtractor a{FeatureOptions{}}, b{FeatureOptions{}};
+  std::vector<cv::KeyPoint> ka, kb;
+  std::vector<Descriptor> da, db;
+  const cv::Mat image = uneven_texture();
+  a.extract(image, ka, da);
+  a.extract(cv::Mat::zeros(480, 640, CV_8UC1), kb, db);
+  CHECK(kb.empty());
+  a.extract(image, ka, da);
+  b.extract(image, kb, db);
+  REQUIRE(ka.size() == kb.size());
+  CHECK(da == db);
+  for (std::size_t i = 0; i < ka.size(); ++i) CHECK(ka[i].pt == kb[i].pt);
+}
+
+TEST_CASE("descriptors follow a rotation of the image by 90 degrees") {
+  FeatureExtractor extractor{FeatureOptions{}};
+  std::vector<cv::KeyPoint> k0, k1;
+  std::vector<Descriptor> d0, d1;
+  const cv::Mat image = uneven_texture();
+  cv::Mat turned;
+  cv::rotate(image, turned, cv::ROTATE_90_CLOCKWISE);
+  extractor.extract(image, k0, d0);
+  extractor.extract(turned, k1, d1);
+  int right = 0, matched = 0;
+  for (std::size_t i = 0; i < k0.size(); ++i) {
+    std::size_t best = 0;
+    int distance = 257;
+    for (std::size_t j = 0; j < k1.size(); ++j) {
+      const int d = hamming_distance(d0[i], d1[j]);
+      if (d < distance) {
+        distance = d;
+        best = j;
+      }
+    }
+    if (distance > 30) continue;
+    ++matched;
+    const cv::Point2f expected(479.0F - k0[i].pt.y, k0[i].pt.x);
+    right += cv::norm(k1[best].pt - expected) < 3.0 * static_cast<double>(extractor.scale(k0[i].octave)) ? 1 : 0;
+  }
+  CHECK(matched > 100);
+  CHECK(right > matched * 9 / 10);
+}
+
+TEST_CASE("the grid returns exactly the features of the asked square") {
+  cv::RNG rng(3);
+  std::vector<Feature> features(500);
+  for (Feature& f : features) {
+    f.x = rng.uniform(-10.0F, 650.0F);
+    f.y = rng.uniform(-10.0F, 490.0F);
+  }
+  FeatureGrid grid;
+  grid.build(features, 640, 480);
+  for (int trial = 0; trial < 50; ++trial) {
+    const float x = rng.uniform(-20.0F, 660.0F), y = rng.uniform(-20.0F, 500.0F), r = rng.uniform(1.0F, 60.0F);
+    std::vector<int> found, expected;
+    grid.for_each_near(features, x, y, r, [&](int i) { found.push_back(i); });
+    for (int i = 0; i < 500; ++i) {
+      const Feature& f = features[static_cast<std::size_t>(i)];
+      if (std::abs(f.x - x) <= r && std::abs(f.y - y) <= r) expected.push_back(i);
+    }
+    std::sort(found.begin(), found.end());
+    CHECK(found == expected);
+  }
+}

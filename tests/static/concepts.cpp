@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What must satisfy a concept and what must not. To compile is to pass.
+#include <complex>
+#include <cstdint>
+#include <string>
+
+#include <Eigen/Core>
+#include <unsupported/Eigen/AutoDiff>
+
+#include "dynslam/dynslam.hpp"
+
+#ifdef DYNSLAM_HAVE_OPENCV
+#include <opencv2/core.hpp>
+#endif
+
+namespace {
+
+using dynslam::CameraModel;
+using dynslam::DepthImage;
+using dynslam::FixedMatrix;
+using dynslam::Image;
+using dynslam::ImageLike;
+using dynslam::ImageView;
+using dynslam::LabelImage;
+using dynslam::MutableImage;
+using dynslam::RobustKernel;
+using dynslam::Scalar;
+
+// Scalar: real numbers and dual numbers, never integers, whose division would truncate.
+static_assert(Scalar<float>);
+static_assert(Scalar<double>);
+static_assert(Scalar<Eigen::AutoDiffScalar<Eigen::Vector3d>>);
+static_assert(!Scalar<int>);
+static_assert(!Scalar<bool>);
+static_assert(!Scalar<std::complex<double>>);
+static_assert(!Scalar<std::string>);
+
+// FixedMatrix: plain matrices, blocks and expressions of the right shape.
+static_assert(FixedMatrix<Eigen::Vector3d, 3>);
+static_assert(FixedMatrix<Eigen::Matrix2f, 2, 2>);
+static_assert(FixedMatrix<decltype(std::declval<const Eigen::Vector4d&>().head<3>()), 3>);
+static_assert(FixedMatrix<decltype(2.0 * std::declval<const Eigen::Vector3d&>()), 3>);
+static_assert(!FixedMatrix<Eigen::Vector4d, 3>);
+static_assert(!FixedMatrix<Eigen::RowVector3d, 3>);
+static_assert(!FixedMatrix<Eigen::VectorXd, 3>);
+static_assert(!FixedMatrix<double, 3>);
+
+// Images: (u, v) access through Pixel, width(), height().
+static_assert(ImageLike<Image<float>>);
+static_assert(ImageLike<ImageView<const std::uint8_t>>);
+static_assert(DepthImage<ImageView<const float>>);
+static_assert(DepthImage<Image<double>>);
+static_assert(!DepthImage<Image<std::uint16_t>>);  // raw depth is not yet in metres
+static_assert(LabelImage<Image<std::uint8_t>>);
+static_assert(!LabelImage<Image<float>>);
+static_assert(MutableImage<ImageView<float>>);
+static_assert(!MutableImage<ImageView<const float>>);
+static_assert(std::is_convertible_v<ImageView<float>, ImageView<const float>>);
+static_assert(!std::is_convertible_v<ImageView<const float>, ImageView<float>>);
+// Indexed by row first: these would be read transposed.
+static_assert(!ImageLike<Eigen::MatrixXf>);
+static_assert(!ImageLike<Eigen::ArrayXXd>);
+#ifdef DYNSLAM_HAVE_OPENCV
+static_assert(!ImageLike<cv::Mat>);
+static_assert(!ImageLike<cv::Mat1f>);
+#endif
+
+// Cameras.
+static_assert(CameraModel<dynslam::Pinhole<float>>);
+static_assert(CameraModel<dynslam::Pinhole<double>>);
+static_assert(CameraModel<dynslam::DistortedPinhole<double>>);
+static_assert(!CameraModel<Eigen::Matrix3d>);
+static_assert(!CameraModel<dynslam::SE3<double>>);
+
+// Robust kernels: rho and weight of the squared normalised residual.
+static_assert(RobustKernel<dynslam::Huber<double>, double>);
+static_assert(RobustKernel<dynslam::Cauchy<float>, float>);
+static_assert(RobustKernel<dynslam::TDistribution<double>, double>);
+static_assert(!RobustKernel<double, double>);
+
+}  // namespace
