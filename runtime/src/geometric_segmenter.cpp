@@ -23,6 +23,7 @@ namespace {
 /// found, far ones show slow motion.
 constexpr std::array<std::size_t, 7> kLags{1, 4, 8, 15, 25, 40, 60};
 constexpr std::size_t kOldLag = 8;     // a mover has left its own volume by then
+constexpr std::size_t kRestLag = 25;    // what has stayed for so long is at rest
 constexpr std::size_t kMinMatches = 30;
 constexpr std::uint8_t kNeverSeen = 255;
 
@@ -60,7 +61,7 @@ GeometricSegmenter::GeometricSegmenter(const CameraConfig& camera, const Geometr
       }
     }
   }
-  for (auto* image : {&seed_, &barrier_, &mask_, &age_, &smooth_}) image->resize(width_, height_);
+  for (auto* image : {&seed_, &barrier_, &mask_, &age_, &smooth_, &zone_}) image->resize(width_, height_);
   depth_.resize(width_, height_);
 }
 
@@ -309,13 +310,11 @@ void GeometricSegmenter::check_free_space(const SE3<double>& T_c_w) {
           if (smooth[c] != 0 && lag > 1) ++violations[c];
           break;
         case DepthEvidence::consistent:
-          if (dynamic[q] != 0) {
-            if (lag <= kLags[1]) {
-              age[c] = static_cast<std::uint8_t>(std::min<std::size_t>({age[c], view_age[q] + lag, kNeverSeen - 1U}));
-            }
-          } else if (lag >= old_lag) {
-            ++support[c];
+          if (dynamic[q] != 0 && lag <= kLags[1]) {
+            age[c] = static_cast<std::uint8_t>(std::min<std::size_t>({age[c], view_age[q] + lag, kNeverSeen - 1U}));
           }
+          // A surface that was in this very place long ago is at rest, whatever it was taken for then.
+          if (lag >= (dynamic[q] != 0 ? kRestLag : old_lag)) ++support[c];
           break;
         case DepthEvidence::unknown: break;
       }
@@ -369,6 +368,17 @@ void GeometricSegmenter::grow(GeometryStatistics& statistics) {
   }
   statistics.seeds = static_cast<int>(seeds.size());
   mask_.fill(0);
+  // Growing completes objects around what was seen to move; it must not wander through parts of the
+  // scene that nothing is known of yet, so it stays near fresh evidence.
+  for (int j = 0; j < height_; ++j) {
+    for (int i = 0; i < width_; ++i) zone_(i, j) = seed_(i, j) != 0 && age_(i, j) == 0 ? 1 : 0;
+  }
+  dilate(zone_.view(), zone_.view(), options_.growing_reach, morphology_);
+  for (int j = 0; j < height_; ++j) {
+    for (int i = 0; i < width_; ++i) {
+      if (zone_(i, j) == 0 && seed_(i, j) == 0) barrier_(i, j) = 1;
+    }
+  }
   if (!seeds.empty()) {
     RegionGrowingOptions growing;
     growing.max_region_fraction = options_.max_fraction;
@@ -377,6 +387,8 @@ void GeometricSegmenter::grow(GeometryStatistics& statistics) {
     const auto result = grow_regions(std::as_const(depth_).view(), std::span<const PixelIndex>(seeds), criterion, growing,
                                      mask_.view(), growing_, std::as_const(barrier_).view());
     statistics.regions_leaked = result.regions_leaked;
+    // A hole in a mover is the mover: its inside overlaps where it was before and looks at rest.
+    fill_holes(mask_.view(), options_.max_hole_cells, morphology_);
   }
   // Cells that only the growing reached are as old as the newest evidence of their region; without
   // that a mask would feed on itself.

@@ -377,8 +377,10 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
     time_of(result.times, Stage::growing) = result.geometry.growing_ms;
     watch.lap_ms();
 
-    const std::vector<std::uint8_t> before = frame.dynamic;
-    flag_dynamic(frame, result.dynamic_mask);
+    const int size = 2 * options_.feature_margin + 1;
+    cv::Mat margin;  // a feature is a patch: at the rim of a mover half of it moves
+    cv::dilate(result.dynamic_mask, margin, cv::getStructuringElement(cv::MORPH_RECT, {size, size}));
+    flag_dynamic(frame, margin);
     int left = 0;
     for (std::size_t i = 0; i < frame.point.size(); ++i) left += frame.point[i] >= 0 && frame.dynamic[i] == 0 ? 1 : 0;
     result.mask_rejected = left < options_.min_inliers;

@@ -37,6 +37,8 @@ struct GeometryOptions {
   // Region growing
   float step_base = 0.03F;         ///< depth step between neighbouring cells [m]
   float step_quad = 0.010F;        ///< and its growth with z^2 [1/m]
+  int growing_reach = 8;           ///< cells around fresh evidence that a region may fill
+  int max_hole_cells = 600;         ///< larger holes in a mask stay open
   double max_fraction = 0.7;       ///< share of the valid depth beyond which a region has leaked
 };
 
@@ -113,7 +115,7 @@ class GeometricSegmenter {
   std::deque<View> views_;              // newest first
   std::vector<View> spare_;             // memory of dropped views
   Image<float> depth_;                  // reduced depth of the present frame
-  Image<std::uint8_t> seed_, barrier_, mask_, age_, smooth_;
+  Image<std::uint8_t> seed_, barrier_, mask_, age_, smooth_, zone_;
   RegionGrowingWorkspace growing_;
   MaskWorkspace morphology_;
   std::vector<std::uint8_t> region_age_;

@@ -38,6 +38,7 @@ struct TrackerOptions {
   int min_inliers = 25;           ///< fewer: the pose is not accepted
   int local_keyframes = 12;       ///< neighbours whose points are searched
   int semantic_dilation = 9;      ///< pixels added around a-priori masks
+  int feature_margin = 6;         ///< pixels around the fused mask in which features are not used
   double keyframe_ratio = 0.75;   ///< of the last keyframe's tracked points
   int keyframe_max_gap = 30;      ///< frames
   int keyframe_min_gap = 3;       ///< frames
