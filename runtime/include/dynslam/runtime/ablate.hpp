@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "dynslam/runtime/evaluate.hpp"
+#include "dynslam/runtime/pipeline.hpp"
+
+namespace dynslam::runtime {
+
+/// One row of the ablation.
+struct AblationRow {
+  DynamicsMode mode = DynamicsMode::none;
+  RunSummary run;
+  TrajectoryReport trajectory;
+  std::optional<MaskReport> masks;  ///< where the sequence has dynamic_mask/
+};
+
+struct Ablation {
+  std::string sequence;
+  std::vector<AblationRow> rows;  ///< in the order none, semantic, geometric, both
+  bool semantic_skipped = false;  ///< no a-priori masks: only none and geometric were run
+  bool interrupted = false;
+};
+
+/// Runs a sequence in all four modes (the paper's Table 4) into out/<mode>/ and writes tables.txt,
+/// ablation.json, trajectory_<mode>.png (Fig. 5), overlays.png (Fig. 3), ate_over_time.png and map.png.
+/// A-priori masks come from `options.masks` or from the sequence's own label/ folder.
+/// @throws InputError  like run_sequence, and without ground truth
+[[nodiscard]] Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
+                              const std::function<void(DynamicsMode, const Progress&)>& progress = {});
+
+/// The paper's tables: ATE and RPE (RMSE, mean, median, S.D.) per mode, improvement over `none`
+/// (Eq 13), and masks, coverage and speed.
+[[nodiscard]] std::string to_text(const Ablation& ablation);
+[[nodiscard]] nlohmann::json to_json(const Ablation& ablation);
+
+}  // namespace dynslam::runtime
