@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <fstream>
 #include <system_error>
@@ -29,13 +30,19 @@ std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::s
     }
     const Eigen::Quaterniond q(value[7], value[4], value[5], value[6]);
     if (!(q.norm() > 1e-6)) throw InputError(name, reader.number(), "the quaternion is zero");
-    if (!trajectory.empty() && !(value[0] > trajectory.back().t)) {
-      throw InputError(name, reader.number(), "the time stamp does not increase");
-    }
     trajectory.push_back({value[0], SE3<double>(q.normalized(), Eigen::Vector3d(value[1], value[2], value[3]))});
   }
   if (in.bad()) throw InputError(name, 0, "cannot be read");
   if (trajectory.empty()) throw InputError(name, 0, "holds no poses");
+  // As TUM's tools: by time, and of equal stamps the last one counts. Published trajectories and
+  // TUM's own fr3_walking_static ground truth need it.
+  std::stable_sort(trajectory.begin(), trajectory.end(), [](const auto& a, const auto& b) { return a.t < b.t; });
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < trajectory.size(); ++i) {
+    if (i + 1 < trajectory.size() && trajectory[i + 1].t == trajectory[i].t) continue;
+    trajectory[kept++] = trajectory[i];
+  }
+  trajectory.erase(trajectory.begin() + static_cast<std::ptrdiff_t>(kept), trajectory.end());
   return trajectory;
 }
 

@@ -127,6 +127,28 @@ template <std::floating_point S>
   for (const auto& pose : trajectory) t.push_back(pose.t);
   return t;
 }
+
+/// Index of the stamp nearest to `t` by TUM's bisection. Of two equally near stamps the one visited
+/// first is taken: such ties are common on regular stamps, and decide the last digits of the RPE.
+template <std::floating_point S>
+[[nodiscard]] std::size_t closest_index(std::span<const S> times, S t) {
+  std::size_t begin = 0, end = times.size(), best = 0;
+  S difference = std::abs(times[0] - t);
+  while (begin < end) {
+    const std::size_t middle = (begin + end) / 2;
+    if (std::abs(times[middle] - t) < difference) {
+      difference = std::abs(times[middle] - t);
+      best = middle;
+    }
+    if (times[middle] == t) return middle;
+    if (times[middle] > t) {
+      end = middle;
+    } else {
+      begin = middle + 1;
+    }
+  }
+  return best;
+}
 }  // namespace detail
 
 /// Absolute trajectory error after SE(3) alignment, as TUM's evaluate_ate.py.
@@ -170,14 +192,7 @@ template <std::floating_point S>
                                                               std::span<const StampedPose<S>> groundtruth, S delta = S(1)) {
   if (estimate.size() < 2 || groundtruth.size() < 2) return std::nullopt;
   const auto t_gt = detail::stamps(groundtruth), t_est = detail::stamps(estimate);
-  const auto closest = [](const std::vector<S>& times, S t) {
-    // TUM's bisection returns the nearest stamp; a tie goes to the earlier one.
-    const auto after = std::lower_bound(times.begin(), times.end(), t);
-    if (after == times.begin()) return std::size_t{0};
-    const auto i = static_cast<std::size_t>(after - times.begin());
-    if (after == times.end()) return i - 1;
-    return std::abs(times[i - 1] - t) <= std::abs(times[i] - t) ? i - 1 : i;
-  };
+  const auto closest = [](const std::vector<S>& times, S t) { return detail::closest_index<S>(times, t); };
   std::vector<S> periods;
   for (std::size_t i = 1; i < t_gt.size(); ++i) periods.push_back(t_gt[i] - t_gt[i - 1]);
   const S max_gap = S(2) * statistics<S>(periods).median;

@@ -12,9 +12,10 @@
 namespace dynslam::runtime {
 
 /// Reads "timestamp tx ty tz qx qy qz qw" lines (TUM format; commas allowed, # comments).
+/// Sorted by time; of equal stamps the last one counts (as in TUM's tools, whose own data needs it).
 /// @param name  of the file, for error messages
 /// @throws InputError  with the line: wrong number of columns, a word that is no finite number, a zero
-///         quaternion, time stamps that do not increase; or an empty file
+///         quaternion; or an empty file
 [[nodiscard]] std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::string& name);
 [[nodiscard]] std::vector<StampedPose<double>> read_trajectory(const std::filesystem::path& path);
 
