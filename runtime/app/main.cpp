@@ -66,12 +66,6 @@ void add_run_options(CLI::App& app, rt::RunOptions& o) {
   app.add_option("--tau", o.tracker.geometry.tau, "Static weight below which a keypoint is dynamic")->capture_default_str()->check(CLI::PositiveNumber);
 }
 
-CLI::App* add_command(CLI::App& app, const std::string& name, const std::string& description) {
-  CLI::App* command = app.add_subcommand(name, description);
-  command->set_config("--config", "", "Read options from a file of `option = value` lines", false);
-  return command;
-}
-
 void report_problems(const rt::RunSummary& s) {
   for (const std::string& problem : s.problems) std::cerr << "dynslam: warning: " << problem << '\n';
 }
@@ -122,10 +116,12 @@ int main(int argc, char** argv) {
   CLI::App app("RGB-D semantic visual SLAM that keeps working when people and things move", "dynslam");
   app.set_version_flag("--version", "dynslam " DYNSLAM_VERSION);
   app.require_subcommand(1);
+  app.set_config("--config", "", "Read options from a TOML file: a section per command, e.g. [run] and dynamics = \"both\"");
+  app.fallthrough();  // --config may stand behind the command
 
   rt::RunOptions run_options;
   std::string dynamics = "both";
-  CLI::App* run_command = add_command(app, "run", "Track a sequence: trajectory, masks, map, timings");
+  CLI::App* run_command = app.add_subcommand("run", "Track a sequence: trajectory, masks, map, timings");
   add_run_options(*run_command, run_options);
   run_command->add_option("--dynamics", dynamics, "Masks to use: none, semantic, geometric, both")
       ->capture_default_str()
@@ -133,25 +129,25 @@ int main(int argc, char** argv) {
   run_command->add_flag("--save-masks", run_options.save_masks, "Write the dynamic masks (255 = dynamic)");
 
   rt::RunOptions ablate_options;
-  CLI::App* ablate_command = add_command(app, "ablate", "Run a sequence in all modes: tables, plots, overlays");
+  CLI::App* ablate_command = app.add_subcommand("ablate", "Run a sequence in all modes: tables, plots, overlays");
   add_run_options(*ablate_command, ablate_options);
 
   std::filesystem::path estimate, groundtruth;
   bool json = false;
-  CLI::App* eval_command = add_command(app, "eval", "ATE and RPE (1 s) of a trajectory, as TUM's tools compute them");
+  CLI::App* eval_command = app.add_subcommand("eval", "ATE and RPE (1 s) of a trajectory, as TUM's tools compute them");
   eval_command->add_option("estimate", estimate, "Trajectory in TUM format")->required();
   eval_command->add_option("groundtruth", groundtruth, "Ground truth in TUM format")->required();
   eval_command->add_flag("--json", json, "Print JSON");
 
   std::filesystem::path predicted, truth;
-  CLI::App* masks_command = add_command(app, "eval-masks", "IoU, recall and precision of masks");
+  CLI::App* masks_command = app.add_subcommand("eval-masks", "IoU, recall and precision of masks");
   masks_command->add_option("predicted", predicted, "Folder of PNG masks")->required();
   masks_command->add_option("truth", truth, "Folder of true masks of the same names")->required();
   masks_command->add_flag("--json", json, "Print JSON");
 
   rt::SynthOptions synth_options;
   std::filesystem::path synth_out;
-  CLI::App* synth_command = add_command(app, "synth", "Make a synthetic sequence of an office with people");
+  CLI::App* synth_command = app.add_subcommand("synth", "Make a synthetic sequence of an office with people");
   synth_command->add_option("out", synth_out, "Folder to make")->required();
   synth_command->add_option("--seed", synth_options.seed, "Layout, colours, people, noise")->capture_default_str();
   synth_command->add_option("--frames", synth_options.frames, "Number of frames")->capture_default_str();

@@ -56,7 +56,7 @@ void SemanticMapper::finish() {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [&] { return (queue_.empty() && !busy_) || failure_; });
   if (failure_) std::rethrow_exception(failure_);
-  tree_.updateInnerOccupancy();
+  if (tree_.size() > 0) tree_.updateInnerOccupancy();  // OctoMap does not look whether there is a root
 }
 
 void SemanticMapper::work(const std::stop_token& stop) {

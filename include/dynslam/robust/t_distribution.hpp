@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -47,6 +48,7 @@ struct ScaleOptions {
   S nu = S(5);
   int max_iterations = 50;
   S tolerance = S(1e-4);  ///< relative change of sigma that ends the iteration
+  S gross = S(6);         ///< residuals beyond so many robust standard deviations are left out; 0: none
 };
 
 /// Memory of estimate_scale; keep it between calls to avoid allocation.
@@ -57,7 +59,9 @@ struct ScaleWorkspace {
 
 /// Scale of t-distributed, zero-mean residuals by the fixed point
 /// sigma^2 = 1/n sum (nu + 1) / (nu + r^2 / sigma^2) r^2 (Kerl et al. 2013, below Eq 4),
-/// started from the median absolute deviation, so that gross outliers do not choose the basin.
+/// started from the median absolute deviation. The fixed point alone breaks down at a share of
+/// 1 / (nu + 1) outliers (17 % for nu = 5), and moving points may be more than that: residuals beyond
+/// `gross` times the robust start are therefore left out, which keeps it near the truth up to 40 %.
 /// @param residuals  any order; non-finite ones are ignored
 /// @param excluded   empty, or one flag per residual: nonzero ones are left out (points on a mask)
 /// @return sigma in the residuals' unit; nullopt with fewer than 3 usable residuals; 0 when at least
@@ -77,6 +81,10 @@ template <std::floating_point S>
   constexpr S kNormalConsistency = S(1.4826);  // of the median absolute deviation
   S sigma = kNormalConsistency * *middle;
   if (!(sigma > S(0))) return S(0);
+  if (options.gross > S(0)) {
+    const S limit = options.gross * sigma;
+    r.erase(std::remove_if(r.begin(), r.end(), [limit](S a) { return a > limit; }), r.end());
+  }
   for (int i = 0; i < options.max_iterations; ++i) {
     const S inverse = S(1) / (sigma * sigma);
     S sum = S(0);

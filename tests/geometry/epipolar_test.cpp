@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/geometry/epipolar.hpp"
+
+#include <doctest/doctest.h>
+
+#include <vector>
+
+#include "random.hpp"
+
+using namespace dynslam;
+
+namespace {
+
+const Pinhole<double> kCamera(535.4, 539.2, 320.1, 247.6);
+
+struct Views {
+  SE3d T_cur_ref;
+  std::vector<Eigen::Vector2d> x, x_m;
+};
+
+Views make_views(test::Rng& rng, const SE3d& T, int n, double noise = 0.0) {
+  Views views{T, {}, {}};
+  while (static_cast<int>(views.x.size()) < n) {
+    const Eigen::Vector2d x(rng.uniform(0, 640), rng.uniform(0, 480));
+    const auto x_m = kCamera.project(T * kCamera.unproject(x, rng.uniform(1, 5)));
+    if (!x_m) continue;
+    views.x.push_back(x);
+    views.x_m.push_back(*x_m + noise * Eigen::Vector2d(rng.normal(), rng.normal()));
+  }
+  return views;
+}
+
+SE3d moved(double tx, double ty, double tz, double angle) {
+  Eigen::Matrix<double, 6, 1> xi;
+  xi << tx, ty, tz, 0.3 * angle, angle, -0.2 * angle;
+  return SE3d::exp(xi);
+}
+
+}  // namespace
+
+TEST_CASE("F from the pose satisfies Eq (8) for projected points, and a moved point violates it") {
+  test::Rng rng("fundamental from pose");
+  const Views v = make_views(rng, moved(0.2, 0.05, 0.03, 0.1), 100);
+  const Eigen::Matrix3d F = fundamental_from_pose(kCamera, kCamera, v.T_cur_ref);
+  for (std::size_t i = 0; i < v.x.size(); ++i) {
+    CHECK(line_distance<double>(F, v.x[i], v.x_m[i]) < 1e-8);
+    const Eigen::Vector3d line = epipolar_line<double>(F, v.x[i]);
+    CHECK(line_distance<double>(F, v.x[i], v.x_m[i] + 3.0 * line.head<2>()) == doctest::Approx(3.0));
+    // Motion along the line is what the check cannot see.
+    CHECK(line_distance<double>(F, v.x[i], v.x_m[i] + 3.0 * Eigen::Vector2d(-line.y(), line.x())) < 1e-8);
+  }
+}
+
+TEST_CASE("eight exact matches give the F of the pose, of rank two") {
+  test::Rng rng("eight points");
+  for (int k = 0; k < 20; ++k) {
+    const Views v = make_views(rng, moved(0.3, -0.1, 0.1, 0.2), 8 + k);
+    const auto F = fundamental_eight_point<double>(v.x, v.x_m);
+    REQUIRE(F);
+    CHECK(std::abs(F->determinant()) < 1e-12);
+    for (std::size_t i = 0; i < v.x.size(); ++i) CHECK(line_distance<double>(*F, v.x[i], v.x_m[i]) < 1e-5);
+  }
+  CHECK_FALSE(fundamental_eight_point<double>(std::vector<Eigen::Vector2d>(7), std::vector<Eigen::Vector2d>(7)));
+  CHECK_FALSE(fundamental_eight_point<double>(std::vector<Eigen::Vector2d>(9, {1, 1}), std::vector<Eigen::Vector2d>(9, {2, 2})));
+}
+
+TEST_CASE("Sampson's distance approximates the smallest correction of both points") {
+  test::Rng rng("sampson");
+  const Views v = make_views(rng, moved(0.3, 0.0, 0.1, 0.1), 30, 1.0);
+  const Eigen::Matrix3d F = fundamental_from_pose(kCamera, kCamera, v.T_cur_ref);
+  for (std::size_t i = 0; i < v.x.size(); ++i) {
+    // Brute force: move x on a fine grid; the rest of the correction is x_m's distance to its line.
+    double best = 1e9;
+    for (double du = -4; du <= 4; du += 0.05) {
+      for (double dv = -4; dv <= 4; dv += 0.05) {
+        const Eigen::Vector2d x = v.x[i] + Eigen::Vector2d(du, dv);
+        const double d = line_distance<double>(F, x, v.x_m[i]);
+        best = std::min(best, du * du + dv * dv + d * d);
+      }
+    }
+    CHECK(std::abs(sampson_distance_squared<double>(F, v.x[i], v.x_m[i]) - best) < 0.02 + 0.05 * best);
+  }
+}
+
+TEST_CASE("RANSAC finds the inliers among 40 % outliers, the same ones for the same seed") {
+  test::Rng rng("ransac");
+  Views v = make_views(rng, moved(0.25, 0.05, -0.1, 0.1), 300, 0.3);
+  const Eigen::Matrix3d truth = fundamental_from_pose(kCamera, kCamera, v.T_cur_ref);
+  for (std::size_t i = 0; i < 120; ++i) v.x_m[i] = {rng.uniform(0, 640), rng.uniform(0, 480)};
+  FundamentalRansacOptions<double> options;
+  options.threshold_px = 1.5;
+  options.max_iterations = 2000;
+  const auto result = fundamental_ransac<double>(v.x, v.x_m, options);
+  REQUIRE(result.status == FundamentalStatus::ok);
+  int missed = 0, wrong = 0;
+  for (std::size_t i = 0; i < v.x.size(); ++i) {
+    if (i >= 120 && result.inlier[i] == 0) ++missed;
+    if (i < 120 && result.inlier[i] != 0 && line_distance<double>(truth, v.x[i], v.x_m[i]) > 10) ++wrong;
+  }
+  CHECK(missed < 9);
+  CHECK(wrong < 3);
+  const auto again = fundamental_ransac<double>(v.x, v.x_m, options);
+  CHECK(again.F == result.F);
+  CHECK(again.inlier == result.inlier);
+}
+
+TEST_CASE("pure rotation and a tiny translation are degenerate, a real baseline is not") {
+  test::Rng rng("baseline");
+  const auto verdict = [&](const SE3d& T) {
+    const Views v = make_views(rng, T, 100, 0.2);
+    return baseline_verdict<double>(v.x, v.x_m, kCamera, T.so3(), 2.0);
+  };
+  CHECK(verdict(moved(0, 0, 0, 0.2)) == Baseline::degenerate);
+  CHECK(verdict(moved(0.002, 0, 0, 0.1)) == Baseline::degenerate);
+  CHECK(verdict(moved(0.1, 0, 0, 0.1)) == Baseline::sufficient);
+}
+
+TEST_CASE("random matches give no consensus") {
+  test::Rng rng("no consensus");
+  std::vector<Eigen::Vector2d> x(200), x_m(200);
+  for (std::size_t i = 0; i < 200; ++i) {
+    x[i] = {rng.uniform(0, 640), rng.uniform(0, 480)};
+    x_m[i] = {rng.uniform(0, 640), rng.uniform(0, 480)};
+  }
+  FundamentalRansacOptions<double> options;
+  options.min_inliers = 60;
+  CHECK(fundamental_ransac<double>(x, x_m, options).status == FundamentalStatus::no_consensus);
+}

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/robust/t_distribution.hpp"
+
+#include <doctest/doctest.h>
+
+#include <unsupported/Eigen/AutoDiff>
+
+#include "dynslam/robust/kernels.hpp"
+#include "random.hpp"
+
+using namespace dynslam;
+
+namespace {
+
+/// Student's t: normal over the root of an independent chi-square over nu.
+double student(test::Rng& rng, int nu, double sigma) {
+  double chi2 = 0;
+  for (int i = 0; i < nu; ++i) {
+    const double n = rng.normal();
+    chi2 += n * n;
+  }
+  return sigma * rng.normal() / std::sqrt(chi2 / nu);
+}
+
+template <class Kernel>
+void check_weight_is_slope(const Kernel& kernel) {
+  for (const double s : {1e-6, 0.01, 0.5, 1.0, 1.7, 4.0, 10.0, 30.0, 1000.0}) {
+    const double h = 1e-6 * (1 + s);
+    const double slope = (kernel.rho(s + h) - kernel.rho(s - h)) / (2 * h);
+    CAPTURE(s);
+    CHECK(kernel.weight(s) == doctest::Approx(slope).epsilon(1e-5).scale(0.01));
+    CHECK(kernel.rho(s) >= 0);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("every kernel's weight is the derivative of its rho") {
+  check_weight_is_slope(TDistribution<double>(5.0));
+  check_weight_is_slope(TDistribution<double>(11.0, 12.0));
+  check_weight_is_slope(TDistribution<double>(5.0, 3));
+  check_weight_is_slope(SquaredLoss<double>{});
+  check_weight_is_slope(Huber<double>{});
+  check_weight_is_slope(Cauchy<double>{});
+  check_weight_is_slope(Tukey<double>{});
+}
+
+TEST_CASE("the same derivative with dual numbers, exactly") {
+  using Dual = Eigen::AutoDiffScalar<Eigen::Matrix<double, 1, 1>>;
+  const TDistribution<Dual> kernel(Dual(5.0), Dual(8.0));
+  const TDistribution<double> plain(5.0, 8.0);
+  for (const double s : {0.0, 0.3, 4.0, 100.0}) {
+    CHECK(kernel.rho(Dual(s, 1, 0)).derivatives()(0) == doctest::Approx(plain.weight(s)).epsilon(1e-12));
+  }
+}
+
+TEST_CASE_TEMPLATE("Eq (4): the paper's figures", S, float, double) {
+  const TDistribution<S> paper(S(11), S(12));  // nu = 11, numerator nu + 1
+  CHECK(paper.weight(S(0)) == doctest::Approx(12.0 / 11.0));
+  CHECK(paper.weight(S(1)) == doctest::Approx(1.0));
+  CHECK(paper.weight(S(9)) == doctest::Approx(0.6));
+  CHECK(TDistribution<S>(S(5), 3).weight(S(3)) == doctest::Approx(1.0));  // numerator nu + d
+}
+
+TEST_CASE_TEMPLATE("the scale of t-distributed residuals is recovered", S, float, double) {
+  test::Rng rng("scale");
+  for (const int nu : {3, 5, 11}) {
+    for (const double sigma : {0.02, 1.0, 40.0}) {
+      std::vector<S> r;
+      for (int i = 0; i < 20000; ++i) r.push_back(static_cast<S>(student(rng, nu, sigma)));
+      const auto estimate = estimate_scale<S>(std::span<const S>(r), S(nu));
+      REQUIRE(estimate);
+      CHECK(static_cast<double>(*estimate) == doctest::Approx(sigma).epsilon(0.04));
+    }
+  }
+}
+
+TEST_CASE("moving points do not inflate the scale when they are excluded, and little when they are not") {
+  test::Rng rng("scale outliers");
+  std::vector<double> r;
+  std::vector<std::uint8_t> excluded;
+  for (int i = 0; i < 4000; ++i) {
+    const bool moving = i % 10 < 3;
+    r.push_back(moving ? rng.uniform(15, 60) : student(rng, 5, 1.0));
+    excluded.push_back(moving ? 1 : 0);
+  }
+  ScaleWorkspace<double> workspace;
+  const auto clean = estimate_scale<double>(r, excluded, {}, workspace);
+  const auto mixed = estimate_scale<double>(std::span<const double>(r), 5.0);
+  CHECK(*clean == doctest::Approx(1.0).epsilon(0.06));
+  // 30 % gross outliers: a standard deviation would be above 20, and the bare fixed point breaks down.
+  CHECK(*mixed < 1.3);
+  ScaleOptions<double> bare;
+  bare.gross = 0;
+  CHECK(*estimate_scale<double>(r, {}, bare, workspace) > 5.0);
+}
+
+TEST_CASE("too few or degenerate residuals are told") {
+  const std::vector<double> two{1, 2}, zeros{0, 0, 0, 0, 1}, bad{std::nan(""), 1, 2};
+  CHECK_FALSE(estimate_scale<double>(std::span<const double>(two), 5.0));
+  CHECK_FALSE(estimate_scale<double>(std::span<const double>(bad), 5.0));
+  CHECK(*estimate_scale<double>(std::span<const double>(zeros), 5.0) == 0.0);
+}
+
+TEST_CASE("the joint covariance is recovered from a wrong start") {
+  test::Rng rng("joint covariance");
+  const Eigen::Vector3d sigma(4.0, 0.8, 0.03);
+  std::vector<Eigen::Vector3d> r;
+  for (int i = 0; i < 20000; ++i) {
+    double chi2 = 0;
+    for (int k = 0; k < 5; ++k) chi2 += std::pow(rng.normal(), 2);
+    r.push_back(Eigen::Vector3d(rng.normal(), rng.normal(), rng.normal()).cwiseProduct(sigma) / std::sqrt(chi2 / 5));
+  }
+  const auto estimate = estimate_covariance<double, 3>(r, Eigen::Matrix3d::Identity(), 5.0);
+  REQUIRE(estimate);
+  for (int i = 0; i < 3; ++i) CHECK(std::sqrt((*estimate)(i, i)) == doctest::Approx(sigma(i)).epsilon(0.04));
+}

@@ -1,0 +1,275 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What users feed the program: lists, cameras, trajectories, images, masks; good ones and broken ones.
+#include <doctest/doctest.h>
+
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+
+#include "dynslam/runtime/camera.hpp"
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/evaluate.hpp"
+#include "dynslam/runtime/image_io.hpp"
+#include "dynslam/runtime/mask_reader.hpp"
+#include "dynslam/runtime/pipeline.hpp"
+#include "dynslam/runtime/trajectory_io.hpp"
+#include "dynslam/runtime/tum_reader.hpp"
+#include "tum_fixture.hpp"
+
+using namespace dynslam;
+using namespace dynslam::runtime;
+namespace fs = std::filesystem;
+
+namespace {
+
+/// The message of the InputError that `f` throws; empty when it throws none.
+template <class F>
+std::string error_of(F&& f) {
+  try {
+    f();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return {};
+}
+
+bool mentions(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+void truncate(const fs::path& path, std::uintmax_t keep) { fs::resize_file(path, keep); }
+
+}  // namespace
+
+TEST_CASE("list errors name file, line and reason") {
+  const auto list = [](const std::string& text) {
+    std::istringstream in(text);
+    return error_of([&] { (void)parse_list(in, "rgb.txt"); });
+  };
+  CHECK(list("# c\n1.0 a.png\n2.0 b.png\n").empty());
+  CHECK(list("1.0 a.png\n\n1.0 b.png\n") == "rgb.txt:3: the time stamp occurs twice");
+  CHECK(list("2.0 a.png\n1.0 b.png\n") == "rgb.txt:2: the time stamps are not sorted");
+  CHECK(mentions(list("1.0\n"), "rgb.txt:1: expected 2 columns"));
+  CHECK(mentions(list("nan a.png\n"), "rgb.txt:1: 'nan' is not a time stamp"));
+  CHECK(mentions(list("1.0x a.png\n"), "rgb.txt:1: '1.0x'"));
+}
+
+TEST_CASE("association lines are checked alike") {
+  const auto check = [](const std::string& text) {
+    std::istringstream in(text);
+    return error_of([&] { (void)parse_associations(in, "associations.txt"); });
+  };
+  CHECK(check("1.0 a.png 1.01 b.png\n").empty());
+  CHECK(mentions(check("1.0 a.png 1.01\n"), "associations.txt:1: expected 4 columns"));
+  CHECK(mentions(check("1.0 a.png 1.01 b.png\n1.0 a.png 1.01 b.png\n"), "associations.txt:2: the time stamp occurs twice"));
+  CHECK(mentions(check("1.0 a.png inf b.png\n"), "associations.txt:1: 'inf'"));
+}
+
+TEST_CASE("trajectory errors name file, line and reason; order and repeats follow TUM's tools") {
+  const auto check = [](const std::string& text) {
+    std::istringstream in(text);
+    return error_of([&] { (void)parse_trajectory(in, "gt.txt"); });
+  };
+  CHECK(check("1 0 0 0 0 0 0 1\n2, 0, 0, 0, 0, 0, 0, 1\n").empty());
+  CHECK(mentions(check("1 0 0 0 0 0 1\n"), "gt.txt:1: expected 8 columns"));
+  CHECK(mentions(check("#\n1 0 0 nan 0 0 0 1\n"), "gt.txt:2: 'nan' is not a finite number"));
+  CHECK(mentions(check("1 0 0 0 0 0 0 0\n"), "gt.txt:1: the quaternion is zero"));
+  CHECK(mentions(check("# nothing\n"), "gt.txt: holds no poses"));
+  std::istringstream in("2 5 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n2 7 0 0 0 0 0 1\n");
+  const auto trajectory = parse_trajectory(in, "gt.txt");
+  REQUIRE(trajectory.size() == 2);
+  CHECK(trajectory[0].t == 1.0);
+  CHECK(trajectory[1].T_w_c.translation().x() == 7.0);
+}
+
+TEST_CASE("a written trajectory reads back, and an unwritable one is told") {
+  const test::TemporaryFolder folder;
+  std::vector<StampedPose<double>> out;
+  for (int i = 0; i < 5; ++i) {
+    out.push_back({1305031102.175304 + i, SE3d::exp((Eigen::Matrix<double, 6, 1>() << 0.1 * i, 0.2, -0.3, 0.1, 0.4 * i, 0).finished())});
+  }
+  write_trajectory(folder.path / "t.txt", out);
+  const auto in = read_trajectory(folder.path / "t.txt");
+  REQUIRE(in.size() == 5);
+  for (std::size_t i = 0; i < 5; ++i) {
+    CHECK(in[i].t == doctest::Approx(out[i].t).epsilon(1e-15));
+    CHECK((in[i].T_w_c.matrix() - out[i].T_w_c.matrix()).norm() < 1e-8);
+  }
+  CHECK(mentions(error_of([&] { write_trajectory(folder.path / "no" / "such" / "t.txt", out); }), "cannot be written"));
+  CHECK(mentions(error_of([&] { (void)read_trajectory(folder.path / "absent.txt"); }), "absent.txt: cannot be opened"));
+}
+
+TEST_CASE("cameras: names, files, and what is wrong with them") {
+  CHECK(load_camera("fr2").depth_units_per_metre == 5208);
+  CHECK(load_camera("fr1").model.distortion().coefficients()(1) == doctest::Approx(-0.953104));
+  CHECK(load_camera("fr3").model.distortion().is_identity());
+  CHECK_THROWS_AS((void)load_camera("fr4"), UsageError);
+  CHECK_THROWS_AS((void)load_camera(""), UsageError);
+  const auto check = [](const std::string& text) {
+    std::istringstream in(text);
+    return error_of([&] { (void)parse_camera(in, "c.txt"); });
+  };
+  const std::string good = "width = 640\nheight = 480\nfx = 500\nfy = 500\ncx = 320\ncy = 240\n";
+  CHECK(check(good).empty());
+  CHECK(mentions(check("width = 640\n"), "c.txt: 'height' is missing"));
+  CHECK(mentions(check(good + "f = 3\n"), "c.txt:7: unknown key 'f'"));
+  CHECK(mentions(check(good + "k1 = big\n"), "c.txt:7: 'big'"));
+  CHECK(mentions(check(good + "k1\n"), "c.txt:7: expected 'key = value'"));
+  CHECK(mentions(check("width = 640.5\nheight = 480\nfx = 1\nfy = 1\ncx = 1\ncy = 1\n"), "whole numbers"));
+  CHECK(mentions(check("width = 640\nheight = 480\nfx = 0\nfy = 1\ncx = 1\ncy = 1\n"), "fx and fy must be positive"));
+}
+
+TEST_CASE("a sequence: lists paired by time, camera hint, ground truth") {
+  const test::TumFixture tum(4);
+  const Sequence sequence = load_sequence(tum.path);
+  REQUIRE(sequence.frames.size() == 4);
+  CHECK(sequence.frames[1].stamp == "1.033333");
+  CHECK(sequence.camera_hint == (tum.path / "camera.txt").string());
+  CHECK(sequence.groundtruth.size() == 4);
+  SequenceOptions two;
+  two.max_frames = 2;
+  CHECK(load_sequence(tum.path, two).frames.size() == 2);
+}
+
+TEST_CASE("broken sequences are refused with the file") {
+  const test::TumFixture tum(3);
+  CHECK(mentions(error_of([&] { (void)load_sequence(tum.path / "absent"); }), "is not a folder"));
+  SUBCASE("missing list") {
+    fs::remove(tum.path / "depth.txt");
+    CHECK(mentions(error_of([&] { (void)load_sequence(tum.path); }), "depth.txt: cannot be opened"));
+  }
+  SUBCASE("empty list") {
+    std::ofstream(tum.path / "rgb.txt") << "# nothing\n";
+    CHECK(mentions(error_of([&] { (void)load_sequence(tum.path); }), "rgb.txt: lists no images"));
+  }
+  SUBCASE("nothing associates") {
+    std::ofstream(tum.path / "depth.txt") << "50.0 depth/a.png\n";
+    CHECK(mentions(error_of([&] { (void)load_sequence(tum.path); }), "no colour image has a depth image within 0.02 s"));
+  }
+  SUBCASE("bad ground truth") {
+    std::ofstream(tum.path / "groundtruth.txt") << "1.0 0 0\n";
+    CHECK(mentions(error_of([&] { (void)load_sequence(tum.path); }), "groundtruth.txt:1: expected 8 columns"));
+  }
+}
+
+TEST_CASE("a frame decodes to colour, grey and metres; each kind of damage is told") {
+  const test::TumFixture tum(3);
+  const Sequence sequence = load_sequence(tum.path);
+  const CameraConfig camera = load_camera(sequence.camera_hint);
+  const RgbdFrame frame = decode_frame(sequence.frames[0], 0, camera);
+  CHECK(frame.bgr.type() == CV_8UC3);
+  CHECK(frame.gray.type() == CV_8UC1);
+  CHECK(frame.depth.at<float>(10, 10) == doctest::Approx(1.5));
+  CHECK(std::isnan(frame.depth.at<float>(0, 0)));
+  const fs::path rgb = sequence.frames[1].rgb, depth = sequence.frames[1].depth;
+  const auto error = [&] { return error_of([&] { (void)decode_frame(sequence.frames[1], 1, camera); }); };
+  SUBCASE("truncated PNG") {
+    truncate(rgb, fs::file_size(rgb) / 2);
+    CHECK(error() == rgb.string() + ": is truncated");
+  }
+  SUBCASE("truncated JPEG") {
+    std::vector<std::uint8_t> bytes;
+    cv::imencode(".jpg", frame.bgr, bytes);
+    std::ofstream(rgb, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size() / 2));
+    CHECK(error() == rgb.string() + ": is truncated");
+  }
+  SUBCASE("empty") {
+    truncate(depth, 0);
+    CHECK(error() == depth.string() + ": is empty");
+  }
+  SUBCASE("missing") {
+    fs::remove(depth);
+    CHECK(error() == depth.string() + ": cannot be opened");
+  }
+  SUBCASE("not an image") {
+    std::ofstream(rgb) << "hello";
+    CHECK(error() == rgb.string() + ": is neither PNG nor JPEG");
+  }
+  SUBCASE("8-bit depth") {
+    write_image(depth, cv::Mat(camera.height, camera.width, CV_8UC1, cv::Scalar(3)));
+    CHECK(mentions(error(), depth.string() + ": is not a 16-bit image of one channel"));
+  }
+  SUBCASE("another size") {
+    write_image(rgb, cv::Mat(10, 20, CV_8UC3));
+    CHECK(mentions(error(), rgb.string() + ": is 20x10"));
+  }
+}
+
+TEST_CASE("the stream keeps the order and passes broken frames on without stopping") {
+  const test::TumFixture tum(12);
+  const Sequence sequence = load_sequence(tum.path);
+  truncate(sequence.frames[5].depth, 40);
+  FrameStream stream(sequence, load_camera(sequence.camera_hint), StreamOptions{2});
+  std::size_t index = 0;
+  while (const auto result = stream.next()) {
+    CHECK(result->index == index);
+    CHECK(result->frame.has_value() == (index != 5));
+    if (index == 5) CHECK(mentions(result->error, "is truncated"));
+    ++index;
+  }
+  CHECK(index == 12);
+}
+
+TEST_CASE("a stream may be dropped while its queue is full") {
+  const test::TumFixture tum(12);
+  const Sequence sequence = load_sequence(tum.path);
+  FrameStream stream(sequence, load_camera(sequence.camera_hint), StreamOptions{1});
+  CHECK(stream.next());
+}
+
+TEST_CASE("masks: binary, labels, instances, missing and unusable ones") {
+  const test::TemporaryFolder folder;
+  cv::Mat binary = cv::Mat::zeros(48, 64, CV_8UC1), labels = binary.clone(), instances = cv::Mat::zeros(48, 64, CV_16UC1);
+  binary(cv::Rect(5, 5, 10, 10)) = 255;
+  labels(cv::Rect(0, 0, 8, 8)) = 1;
+  labels(cv::Rect(20, 20, 8, 8)) = 2;
+  instances(cv::Rect(30, 30, 5, 5)) = 300;
+  write_image(folder.path / "1.png", binary);
+  write_image(folder.path / "2.png", labels);
+  write_image(folder.path / "3.png", instances);
+  write_image(folder.path / "4.png", cv::Mat(4, 4, CV_8UC1));
+  write_image(folder.path / "5.png", cv::Mat(48, 64, CV_8UC3));
+  MaskSource source(folder.path);
+  CHECK(cv::countNonZero(source.read("1", 64, 48)->dynamic) == 100);
+  const auto labelled = source.read("2", 64, 48);
+  CHECK(cv::countNonZero(labelled->dynamic) == 64);  // the person, not the chair
+  CHECK(labelled->labels.at<std::uint8_t>(22, 22) == 2);
+  CHECK(cv::countNonZero(source.read("3", 64, 48)->dynamic) == 25);
+  CHECK_FALSE(source.read("absent", 64, 48));
+  CHECK(source.missing() == 1);
+  CHECK(mentions(error_of([&] { (void)source.read("4", 64, 48); }), "is 4x4"));
+  CHECK(mentions(error_of([&] { (void)source.read("5", 64, 48); }), "is neither"));
+  CHECK(mentions(error_of([&] { MaskSource absent(folder.path / "absent"); }), "is not a folder"));
+}
+
+TEST_CASE("mask figures by hand; missing predictions count as empty") {
+  const test::TemporaryFolder truth, predicted;
+  cv::Mat a = cv::Mat::zeros(10, 10, CV_8UC1), b = a.clone();
+  a(cv::Rect(0, 0, 10, 4)) = 255;  // 40 true
+  b(cv::Rect(0, 2, 10, 4)) = 255;  // 40 found, 20 of them right
+  write_image(truth.path / "1.png", a);
+  write_image(predicted.path / "1.png", b);
+  write_image(truth.path / "2.png", a);
+  write_image(truth.path / "3.png", cv::Mat::zeros(10, 10, CV_8UC1));
+  write_image(predicted.path / "3.png", cv::Mat::zeros(10, 10, CV_8UC1));
+  const MaskReport report = evaluate_masks(predicted.path, truth.path);
+  CHECK(report.frames == 3);
+  CHECK(report.missing == 1);
+  CHECK(report.recall == doctest::Approx(0.25));
+  CHECK(report.precision == doctest::Approx(0.5));
+  CHECK(report.iou == doctest::Approx(0.2));
+  CHECK(report.frames_recall_below_0_3 == 1);
+  const test::TemporaryFolder empty;
+  CHECK(mentions(error_of([&] { (void)evaluate_masks(empty.path, truth.path); }), "has no mask in common"));
+  CHECK(mentions(error_of([&] { (void)evaluate_masks(predicted.path, empty.path); }), "holds no PNG masks"));
+  CHECK(mentions(error_of([&] { (void)evaluate_masks(predicted.path / "absent", truth.path); }), "is not a folder"));
+}
+
+TEST_CASE("degenerate ground truth cannot be evaluated") {
+  std::vector<StampedPose<double>> still, moving;
+  for (int i = 0; i < 60; ++i) {
+    still.push_back({i / 30.0, SE3d()});
+    moving.push_back({i / 30.0, SE3d(SO3d(), Eigen::Vector3d(std::sin(i), std::cos(i), 0.1 * i))});
+  }
+  CHECK(mentions(error_of([&] { (void)evaluate_trajectory(moving, still, "e", "g"); }), "g: cannot be aligned with e"));
+  for (auto& p : still) p.t += 100;
+  CHECK(mentions(error_of([&] { (void)evaluate_trajectory(moving, still, "e", "g"); }), "fewer than 3 poses"));
+}

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The main job on synthetic sequences: tracking, dynamics, recovery, files, determinism.
+#include "dynslam/runtime/pipeline.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/evaluate.hpp"
+#include "dynslam/runtime/synth.hpp"
+#include "dynslam/runtime/trajectory_io.hpp"
+#include "dynslam/runtime/tum_reader.hpp"
+#include "tum_fixture.hpp"
+
+using namespace dynslam;
+using namespace dynslam::runtime;
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kFrames = 150;
+
+std::string bytes(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return std::string(std::istreambuf_iterator<char>(in), {});
+}
+
+/// People walking for five seconds, rendered once for all tests of this file.
+const fs::path& walking() {
+  static const test::TemporaryFolder folder;
+  static const bool made = [] {
+    SynthOptions options;
+    options.frames = kFrames;
+    synthesize(options, folder.path);
+    return true;
+  }();
+  (void)made;
+  return folder.path;
+}
+
+RunOptions options_for(const fs::path& sequence, const fs::path& out, DynamicsMode mode) {
+  RunOptions o;
+  o.sequence = sequence;
+  o.out = out;
+  o.dynamics = mode;
+  o.masks = sequence / "label";
+  o.save_masks = true;
+  return o;
+}
+
+const std::atomic<bool> kNeverStop{false};
+
+}  // namespace
+
+TEST_CASE("synthetic sequences are the same bytes for the same seed and differ with another") {
+  const test::TemporaryFolder a, b, c;
+  SynthOptions o;
+  o.frames = 2;
+  o.motion_blur = o.exposure_change = true;
+  synthesize(o, a.path);
+  synthesize(o, b.path);
+  o.seed = 2;
+  synthesize(o, c.path);
+  for (const char* file : {"rgb/1000000.033333.png", "depth/1000000.033333.png", "label/1000000.033333.png", "groundtruth.txt"}) {
+    CHECK(bytes(a.path / file) == bytes(b.path / file));
+    CHECK_FALSE(bytes(a.path / file).empty());
+  }
+  CHECK(bytes(a.path / "rgb/1000000.033333.png") != bytes(c.path / "rgb/1000000.033333.png"));
+  o.path = "loop";
+  CHECK_THROWS_AS(synthesize(o, a.path), UsageError);
+}
+
+TEST_CASE("synthetic ground truth, depth and masks agree: static surfaces reproject, movers are masked") {
+  const Sequence sequence = load_sequence(walking());
+  const CameraConfig camera = load_camera(sequence.camera_hint);
+  const RgbdFrame a = decode_frame(sequence.frames[0], 0, camera), b = decode_frame(sequence.frames[30], 30, camera);
+  const cv::Mat label = cv::imread((walking() / "label" / (a.stamp + ".png")).string(), cv::IMREAD_UNCHANGED);
+  const cv::Mat moving = cv::imread((walking() / "dynamic_mask" / (a.stamp + ".png")).string(), cv::IMREAD_UNCHANGED);
+  const SE3d T = sequence.groundtruth[30].T_w_c.inverse() * sequence.groundtruth[0].T_w_c;
+  int compared = 0, agree = 0, movers = 0;
+  for (int v = 0; v < 480; v += 3) {
+    for (int u = 0; u < 640; u += 3) {
+      movers += moving.at<std::uint8_t>(v, u) != 0 ? 1 : 0;
+      const float z = a.depth.at<float>(v, u);
+      if (!(z > 0) || label.at<std::uint8_t>(v, u) == 1 || moving.at<std::uint8_t>(v, u) != 0) continue;
+      const Eigen::Vector3d p = T * camera.model.unproject(Eigen::Vector2d(u, v), static_cast<double>(z));
+      const auto x = camera.model.project(p);
+      if (!x || x->x() < 0 || x->y() < 0 || x->x() > 639 || x->y() > 479) continue;
+      const double d = static_cast<double>(b.depth.at<float>(static_cast<int>(x->y()), static_cast<int>(x->x())));
+      if (!(d > p.z() - 0.3)) continue;  // hidden by somebody by then
+      ++compared;
+      agree += std::abs(d - p.z()) < 0.03 + 0.01 * p.z() * p.z() ? 1 : 0;
+    }
+  }
+  CHECK(compared > 5000);
+  CHECK(agree > compared * 9 / 10);
+  CHECK(movers > 500);
+}
+
+TEST_CASE("movers ruin the baseline; both cuts its error to a tenth, and geometry alone finds the carried box") {
+  const test::TemporaryFolder out;
+  std::map<DynamicsMode, double> ate;
+  for (const auto mode : {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both}) {
+    const fs::path folder = out.path / std::string(to_string(mode));
+    const RunSummary summary = run_sequence(options_for(walking(), folder, mode), kNeverStop);
+    CHECK(summary.tracked == kFrames);
+    CHECK(summary.lost == 0);
+    ate[mode] = evaluate_trajectory(folder / "trajectory.txt", walking() / "groundtruth.txt").ate.translation.rmse;
+    for (const char* file : {"keyframes.txt", "map.ot", "timings.csv", "summary.json"}) CHECK(fs::file_size(folder / file) > 100);
+    const auto json = nlohmann::json::parse(bytes(folder / "summary.json"));
+    CHECK(json["frames"] == kFrames);
+    CHECK(json["stages"]["tracking"]["median_ms"].get<double>() > 0);
+  }
+  MESSAGE("ATE RMSE: none " << ate[DynamicsMode::none] << " semantic " << ate[DynamicsMode::semantic] << " geometric "
+                            << ate[DynamicsMode::geometric] << " both " << ate[DynamicsMode::both]);
+  CHECK(ate[DynamicsMode::both] <= 0.1 * ate[DynamicsMode::none]);
+  CHECK(ate[DynamicsMode::geometric] < 0.5 * ate[DynamicsMode::none]);
+  CHECK(ate[DynamicsMode::both] < 0.01);
+  CHECK(evaluate_masks(out.path / "geometric" / "masks", walking() / "box_mask").recall > 0.7);
+  CHECK(evaluate_masks(out.path / "geometric" / "masks", walking() / "dynamic_mask").iou > 0.5);
+}
+
+TEST_CASE("two runs give identical trajectories, masks and maps") {
+  const test::TemporaryFolder out;
+  for (const char* name : {"a", "b"}) {
+    RunOptions o = options_for(walking(), out.path / name, DynamicsMode::both);
+    o.max_frames = 25;
+    (void)run_sequence(o, kNeverStop);
+  }
+  for (const char* file : {"trajectory.txt", "keyframes.txt", "map.ot", "masks/1000000.666667.png"}) {
+    CHECK_FALSE(bytes(out.path / "a" / file).empty());
+    CHECK(bytes(out.path / "a" / file) == bytes(out.path / "b" / file));
+  }
+}
+
+TEST_CASE("broken and black frames in the middle are reported, and tracking goes on after them") {
+  const test::TemporaryFolder damaged, out;
+  fs::copy(walking(), damaged.path, fs::copy_options::recursive | fs::copy_options::overwrite_existing);
+  const Sequence sequence = load_sequence(damaged.path);
+  fs::resize_file(sequence.frames[10].rgb, 1000);
+  fs::remove(sequence.frames[11].depth);
+  for (std::size_t i = 20; i < 26; ++i) cv::imwrite(sequence.frames[i].rgb.string(), cv::Mat::zeros(480, 640, CV_8UC3));
+  RunOptions o = options_for(damaged.path, out.path, DynamicsMode::both);
+  o.max_frames = 60;
+  const RunSummary summary = run_sequence(o, kNeverStop);
+  CHECK(summary.frames == 60);
+  CHECK(summary.broken == 2);
+  CHECK(summary.lost == 6);
+  CHECK(summary.tracked == 52);
+  REQUIRE(summary.problems.size() == 8);
+  CHECK(summary.problems[0].find("is truncated") != std::string::npos);
+  CHECK(summary.problems[1].find("cannot be opened") != std::string::npos);
+  CHECK(read_trajectory(out.path / "trajectory.txt").size() == 52);
+  CHECK(evaluate_trajectory(out.path / "trajectory.txt", damaged.path / "groundtruth.txt").ate.translation.rmse < 0.02);
+}
+
+TEST_CASE("an interruption saves what was computed") {
+  const test::TemporaryFolder out;
+  std::atomic<bool> stop{false};
+  const RunSummary summary = run_sequence(options_for(walking(), out.path, DynamicsMode::geometric), stop, [&](const Progress& p) {
+    if (p.done == 12) stop = true;
+  });
+  CHECK(summary.interrupted);
+  CHECK(read_trajectory(out.path / "trajectory.txt").size() == 12);
+  CHECK(fs::exists(out.path / "map.ot"));
+  CHECK(nlohmann::json::parse(bytes(out.path / "summary.json"))["interrupted"] == true);
+}
+
+TEST_CASE("what cannot work is refused in one line, and what was computed before a failure is saved") {
+  const test::TemporaryFolder out;
+  RunOptions o = options_for(walking(), out.path, DynamicsMode::both);
+  o.masks.clear();
+  CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), UsageError);
+  o = options_for(walking(), "/proc/no/such", DynamicsMode::none);
+  CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), InputError);
+  o = options_for(walking(), out.path, DynamicsMode::none);
+  o.camera = "fr9";
+  CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), UsageError);
+
+  const test::TemporaryFolder masks;  // the sixth mask is unusable
+  const Sequence sequence = load_sequence(walking());
+  cv::imwrite((masks.path / (sequence.frames[5].stamp + ".png")).string(), cv::Mat::zeros(10, 10, CV_8UC1));
+  o = options_for(walking(), out.path, DynamicsMode::semantic);
+  o.masks = masks.path;
+  CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), InputError);
+  CHECK(read_trajectory(out.path / "trajectory.txt").size() == 5);
+}
+
+TEST_CASE("TUM's figures of reference.tsv are reproduced to the last digit") {
+  const char* data = std::getenv("DYNSLAM_DATA");
+  const fs::path folder = fs::path(data != nullptr ? data : "") / "trajectories";
+  if (data == nullptr || !fs::exists(folder / "reference.tsv")) {
+    MESSAGE("skipped: DYNSLAM_DATA does not name a folder with trajectories/reference.tsv");
+    return;
+  }
+  std::ifstream table(folder / "reference.tsv");
+  std::string line;
+  std::getline(table, line);
+  int rows = 0;
+  while (std::getline(table, line)) {
+    std::istringstream in(line);
+    std::string name;
+    std::size_t pairs = 0;
+    in >> name >> pairs;
+    const fs::path truth = folder / "groundtruth" / (name.substr(0, name.find("__")) + ".txt");
+    const auto report = evaluate_trajectory(folder / "est" / (name + ".txt"), truth);
+    CAPTURE(name);
+    CHECK(report.ate.pairs == pairs);
+    for (const double ours : {report.ate.translation.rmse, report.ate.translation.mean, report.ate.translation.std, report.rpe.translation.rmse,
+                              report.rpe.translation.std, report.rpe.rotation_deg.rmse, report.rpe.rotation_deg.std}) {
+      std::string theirs;
+      in >> theirs;
+      char text[32];
+      std::snprintf(text, sizeof text, "%.6f", ours);
+      CHECK(theirs == text);
+    }
+    ++rows;
+  }
+  CHECK(rows == 9);
+}
