@@ -44,7 +44,7 @@ function(dynslam_register_doctest target prefix)
     string(REPLACE "/" "." name ${name})
     add_test(NAME ${name} COMMAND ${target} "--source-file=*/tests/${relative}")
     set_tests_properties(${name} PROPERTIES
-      LABELS ${prefix} TIMEOUT 300
+      LABELS ${prefix} TIMEOUT 1500
       FAIL_REGULAR_EXPRESSION "test cases: +0 \\|")
   endforeach()
 endfunction()

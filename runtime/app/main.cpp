@@ -4,19 +4,26 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <atomic>
+#include <charconv>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <exception>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <system_error>
 
+#include "config_file.hpp"
 #include "dynslam/runtime/ablate.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluate.hpp"
 #include "dynslam/runtime/pipeline.hpp"
 #include "dynslam/runtime/synth.hpp"
+#include "dynslam/runtime/text_lines.hpp"
 #include "dynslam/runtime/trajectory_io.hpp"
 
 namespace {
@@ -26,7 +33,17 @@ namespace rt = dynslam::runtime;
 constexpr int kInputFailure = 1, kUsageFailure = 2, kInterrupted = 130;
 
 std::atomic<bool> stop_requested{false};
-extern "C" void request_stop(int) { stop_requested.store(true); }
+
+extern "C" void request_stop(int signal) {
+  stop_requested.store(true);
+  std::signal(signal, SIG_DFL);  // a second Ctrl-C ends the program at once
+}
+
+/// For the commands that save what they have when they are interrupted; the others simply end.
+void stop_on_signals() {
+  std::signal(SIGINT, request_stop);
+  std::signal(SIGTERM, request_stop);
+}
 
 /// One line on a terminal, overwritten; nothing where the output is a file or a pipe.
 class ProgressLine {
@@ -51,54 +68,111 @@ std::string describe(const rt::Progress& p) {
                      p.lost > 0 ? fmt::format(", {} without a pose", p.lost) : std::string());
 }
 
+/// A finite number within [low, high]; unlike CLI11's own, it refuses NaN.
+CLI::Validator number_in(double low, double high) {
+  return {[=](std::string& text) {
+            const auto value = rt::parse_number(text);
+            return value && *value >= low && *value <= high
+                       ? std::string()
+                       : fmt::format("'{}' is not a number from {} to {}", text, low, high);
+          },
+          ""};
+}
+
+/// A finite number above 0.
+CLI::Validator positive() {
+  return {[](std::string& text) {
+            const auto value = rt::parse_number(text);
+            return value && *value > 0 ? std::string() : fmt::format("'{}' is not a number above 0", text);
+          },
+          ""};
+}
+
+/// A whole number from 0; CLI11 would turn -1 into 2^64 - 1.
+CLI::Validator whole() {
+  return {[](std::string& text) {
+            std::uint64_t value = 0;
+            const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+            return error == std::errc() && end == text.data() + text.size()
+                       ? std::string()
+                       : fmt::format("'{}' is not a whole number from 0", text);
+          },
+          ""};
+}
+
 void add_run_options(CLI::App& app, rt::RunOptions& o) {
   app.add_option("sequence", o.sequence, "Folder in TUM RGB-D layout")->required();
   app.add_option("--out,-o", o.out, "Folder for the results")->required();
   app.add_option("--camera", o.camera, "fr1, fr2, fr3 or a camera file (default: from the sequence)");
   app.add_option("--masks", o.masks, "Folder of a-priori masks, <time stamp>.png: 0/255 masks, labels (8 bit) or instances (16 bit)");
   app.add_option("--map", o.map, "Build and save map.ot")->capture_default_str();
-  app.add_option("--map-resolution", o.map_resolution, "Edge of a voxel [m]")->capture_default_str()->check(CLI::Range(0.005, 1.0));
-  app.add_option("--max-frames", o.max_frames, "Stop after so many frames (0: all)")->capture_default_str();
-  app.add_option("--seed", o.seed, "Seed of every random choice")->capture_default_str();
-  app.add_option("--features", o.tracker.features.features, "Keypoints per image")->capture_default_str()->check(CLI::Range(100, 10000));
-  app.add_option("--nu", o.tracker.nu, "Degrees of freedom of the pose optimisation's t-distribution")->capture_default_str()->check(CLI::PositiveNumber);
-  app.add_option("--geometry-nu", o.tracker.geometry.nu, "Degrees of freedom of the static weight's t-distribution")->capture_default_str()->check(CLI::PositiveNumber);
-  app.add_option("--tau", o.tracker.geometry.tau, "Static weight below which a keypoint is dynamic")->capture_default_str()->check(CLI::PositiveNumber);
+  app.add_option("--map-resolution", o.map_resolution, "Edge of a voxel [m], 0.005 to 1")->capture_default_str()->check(number_in(0.005, 1.0));
+  app.add_option("--max-frames", o.max_frames, "Stop after so many frames (0: all)")->capture_default_str()->check(whole());
+  app.add_option("--seed", o.seed, "Seed of every random choice")->capture_default_str()->check(whole());
+  app.add_option("--features", o.tracker.features.features, "Keypoints per image, 100 to 10000")->capture_default_str()->check(number_in(100, 10000));
+  app.add_option("--nu", o.tracker.nu, "Degrees of freedom of the pose optimisation's t-distribution")->capture_default_str()->check(positive());
+  app.add_option("--geometry-nu", o.tracker.geometry.nu, "Degrees of freedom of the static weight's t-distribution")->capture_default_str()->check(positive());
+  app.add_option("--tau", o.tracker.geometry.tau, "Static weight below which a keypoint is dynamic")->capture_default_str()->check(positive());
 }
 
-void report_problems(const rt::RunSummary& s) {
-  for (const std::string& problem : s.problems) std::cerr << "dynslam: warning: " << problem << '\n';
+/// One line on stderr for all frames without a pose; summary.json lists every one.
+void report_problems(const rt::RunSummary& s, const std::filesystem::path& out, const std::string& prefix = {}) {
+  if (s.problems.empty()) return;
+  constexpr std::size_t kShown = 2;
+  std::string text = fmt::format("dynslam: warning: {}{} broken and {} lost of {} frames: ", prefix, s.broken, s.lost, s.frames);
+  for (std::size_t i = 0; i < std::min(kShown, s.problems.size()); ++i) text += (i > 0 ? "; " : "") + s.problems[i];
+  if (s.problems.size() > kShown) {
+    text += fmt::format("; and {} more, see {}", s.problems.size() - kShown, (out / "summary.json").string());
+  }
+  std::cerr << text << '\n';
+}
+
+int interrupted() {
+  std::cerr << "dynslam: interrupted; what was computed is saved\n";
+  return kInterrupted;
+}
+
+/// ATE and RPE where the sequence has ground truth; what cannot be compared is said, not an error.
+std::string accuracy(const rt::RunOptions& options, const rt::RunSummary& summary) {
+  const auto file = options.sequence / "groundtruth.txt";
+  if (!std::filesystem::exists(file)) return {};
+  try {
+    return rt::to_text(rt::evaluate_trajectory(summary.trajectory, rt::read_trajectory(file),
+                                               (options.out / "trajectory.txt").string(), file.string()));
+  } catch (const rt::InputError& error) {
+    return fmt::format("no ATE and RPE: {}\n", error.what());
+  }
 }
 
 int run(const rt::RunOptions& options) {
+  stop_on_signals();
   const rt::RunSummary summary = [&] {
     ProgressLine line;
     return rt::run_sequence(options, stop_requested, [&](const rt::Progress& p) { line.show(describe(p)); });
   }();
-  report_problems(summary);
+  report_problems(summary, options.out);
   std::cout << fmt::format("{} of {} frames tracked ({} lost, {} broken), {:.1f} frames/s; results in {}\n", summary.tracked, summary.frames,
-                           summary.lost, summary.broken, summary.fps, options.out.string());
-  if (summary.interrupted) {
-    std::cerr << "dynslam: interrupted; what was computed is saved\n";
-    return kInterrupted;
-  }
-  return 0;
+                           summary.lost, summary.broken, summary.fps, options.out.string())
+            << accuracy(options, summary);
+  return summary.interrupted ? interrupted() : 0;
 }
 
 int ablate(const rt::RunOptions& options) {
+  stop_on_signals();
   const rt::Ablation ablation = [&] {
     ProgressLine line;
     return rt::ablate(options, stop_requested, [&](rt::DynamicsMode mode, const rt::Progress& p) {
       line.show(fmt::format("{}: {}", rt::to_string(mode), describe(p)));
     });
   }();
-  for (const rt::AblationRow& row : ablation.rows) report_problems(row.run);
-  std::cout << rt::to_text(ablation) << fmt::format("\ntables, plots, overlays and maps are in {}\n", options.out.string());
-  if (ablation.interrupted) {
-    std::cerr << "dynslam: interrupted; what was computed is saved\n";
-    return kInterrupted;
+  for (const rt::AblationRow& row : ablation.rows) {
+    const std::string mode(rt::to_string(row.mode));
+    report_problems(row.run, options.out / mode, mode + ": ");
   }
-  return 0;
+  if (!ablation.rows.empty()) {
+    std::cout << rt::to_text(ablation) << fmt::format("\ntables, plots, overlays and maps are in {}\n", options.out.string());
+  }
+  return ablation.interrupted ? interrupted() : 0;
 }
 
 template <class Report>
@@ -110,14 +184,9 @@ int print(const Report& report, bool json) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::signal(SIGINT, request_stop);
-  std::signal(SIGTERM, request_stop);
-
   CLI::App app("RGB-D semantic visual SLAM that keeps working when people and things move", "dynslam");
   app.set_version_flag("--version", "dynslam " DYNSLAM_VERSION);
   app.require_subcommand(1);
-  app.set_config("--config", "", "Read options from a TOML file: a section per command, e.g. [run] and dynamics = \"both\"");
-  app.fallthrough();  // --config may stand behind the command
 
   rt::RunOptions run_options;
   std::string dynamics = "both";
@@ -149,25 +218,20 @@ int main(int argc, char** argv) {
   std::filesystem::path synth_out;
   CLI::App* synth_command = app.add_subcommand("synth", "Make a synthetic sequence of an office with people");
   synth_command->add_option("out", synth_out, "Folder to make")->required();
-  synth_command->add_option("--seed", synth_options.seed, "Layout, colours, people, noise")->capture_default_str();
+  synth_command->add_option("--seed", synth_options.seed, "Layout, colours, people, noise")->capture_default_str()->check(whole());
   synth_command->add_option("--frames", synth_options.frames, "Number of frames")->capture_default_str();
   synth_command->add_option("--path", synth_options.path, "Camera path: static, xyz, rpy, halfsphere")->capture_default_str();
   synth_command->add_option("--scenario", synth_options.scenario, "walking, sitting, box, empty")->capture_default_str();
   synth_command->add_option("--walkers", synth_options.walkers, "People who walk")->capture_default_str();
   synth_command->add_option("--box", synth_options.box, "The first walker carries a box")->capture_default_str();
   synth_command->add_option("--noise", synth_options.noise, "Noise of colour and depth")->capture_default_str();
-  synth_command->add_option("--fps", synth_options.fps, "Frames per second")->capture_default_str();
+  synth_command->add_option("--fps", synth_options.fps, "Frames per second")->capture_default_str()->check(positive());
   synth_command->add_flag("--exposure-change", synth_options.exposure_change, "Exposure varies over time");
   synth_command->add_flag("--motion-blur", synth_options.motion_blur, "The shutter is open for half a frame");
 
+  const auto config = dynslam::app::add_config_option(app);
   try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
-    std::cerr << "dynslam: error: " << error.what() << " (see dynslam --help)\n";
-    return kUsageFailure;
-  }
-  try {
+    app.parse(dynslam::app::arguments(argc, argv));
     if (*run_command) {
       run_options.dynamics = *rt::parse_dynamics(dynamics);
       return run(run_options);
@@ -178,6 +242,19 @@ int main(int argc, char** argv) {
     ProgressLine line;
     rt::synthesize(synth_options, synth_out, [&](int done, int total) { line.show(fmt::format("{}/{} frames", done, total)); });
     return 0;
+  } catch (const CLI::FileError&) {
+    std::cerr << "dynslam: error: " << app.get_config_ptr()->as<std::string>() << ": cannot be opened\n";
+    return kInputFailure;
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
+    if (const std::string place = config->origin(error.what()); !place.empty()) {
+      std::cerr << "dynslam: error: " << place << error.what() << '\n';
+      return kInputFailure;
+    }
+    const bool no_command = app.get_subcommands().empty() && argc > 1 && argv[1][0] != '-';
+    const std::string reason = no_command ? fmt::format("unknown command '{}'", argv[1]) : error.what();
+    std::cerr << "dynslam: error: " << reason << " (see dynslam --help)\n";
+    return kUsageFailure;
   } catch (const rt::UsageError& error) {
     std::cerr << "dynslam: error: " << error.what() << '\n';
     return kUsageFailure;

@@ -61,7 +61,7 @@ GeometricSegmenter::GeometricSegmenter(const CameraConfig& camera, const Geometr
       }
     }
   }
-  for (auto* image : {&seed_, &barrier_, &mask_, &age_, &smooth_, &zone_}) image->resize(width_, height_);
+  for (auto* image : {&seed_, &barrier_, &mask_, &age_, &smooth_, &zone_, &verified_}) image->resize(width_, height_);
   depth_.resize(width_, height_);
 }
 
@@ -69,6 +69,11 @@ int GeometricSegmenter::cell_of_pixel(float u, float v) const {
   const int x = cvRound(u), y = cvRound(v);
   if (x < 0 || y < 0 || x >= camera_.width || y >= camera_.height) return -1;
   return cell_of_pixel_[static_cast<std::size_t>(y * camera_.width + x)];
+}
+
+bool GeometricSegmenter::verified_static(float u, float v) const {
+  const int c = cell_of_pixel(u, v);
+  return c >= 0 && verified_.data()[c] != 0;
 }
 
 void GeometricSegmenter::set_reference(const Frame& frame, const cv::Mat& gray) {
@@ -322,12 +327,13 @@ void GeometricSegmenter::check_free_space(const SE3<double>& T_c_w) {
   }
   std::uint8_t* seed = seed_.view().data();
   std::uint8_t* barrier = barrier_.view().data();
+  std::uint8_t* verified = verified_.data();
   for (std::size_t c = 0; c < cells; ++c) {
     const bool contradicted = violations[c] > support[c];
     const bool carried = age[c] <= options_.carry_frames && support[c] == 0;
     seed[c] = contradicted || carried ? 1 : 0;
     if (contradicted) age[c] = 0;
-    barrier[c] = support[c] > violations[c] ? 1 : 0;
+    barrier[c] = verified[c] = support[c] > violations[c] ? 1 : 0;
   }
 }
 

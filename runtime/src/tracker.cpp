@@ -419,6 +419,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
 
 bool Tracker::wants_keyframe(const Frame& frame, int inliers) const {
   const auto gap = static_cast<int>(frame.index - last_keyframe_index_);
+  if (inliers < options_.keyframe_urgent) return true;  // the map in view runs out
   if (gap < options_.keyframe_min_gap) return false;
   if (gap >= options_.keyframe_max_gap) return true;
   if (static_cast<double>(inliers) < options_.keyframe_ratio * static_cast<double>(last_keyframe_tracked_)) return true;
@@ -428,6 +429,17 @@ bool Tracker::wants_keyframe(const Frame& frame, int inliers) const {
 
 void Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
   const Eigen::Vector3d centre = frame.T_c_w.inverse().translation();
+  // A mover that has just come into view is not found yet. Where enough of the view is known to have
+  // stayed, points are made there alone, and newly seen parts have to wait until they are known, too.
+  std::vector<std::uint8_t> trusted(frame.features.size(), 1);
+  if (uses_geometry(options_.dynamics) && initialised_) {
+    int known = 0;
+    for (std::size_t i = 0; i < frame.features.size(); ++i) {
+      trusted[i] = geometry_.verified_static(frame.features[i].u, frame.features[i].v) ? 1 : 0;
+      known += frame.dynamic[i] == 0 && (frame.point[i] >= 0 || trusted[i] != 0) ? 1 : 0;
+    }
+    if (known < options_.enough_known) trusted.assign(frame.features.size(), 1);
+  }
   int tracked = 0;
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
     const Feature& f = frame.features[i];
@@ -444,7 +456,7 @@ void Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
       }
       continue;
     }
-    if (!has_depth) continue;
+    if (!has_depth || trusted[i] == 0) continue;
     MapPoint p;
     p.p_w = point_of(frame, static_cast<int>(i));
     p.viewing = (p.p_w - centre).normalized();

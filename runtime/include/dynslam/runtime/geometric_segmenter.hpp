@@ -72,6 +72,9 @@ class GeometricSegmenter {
   /// Must be called once per tracked frame, after `segment` (or alone: the depth is reduced then).
   void remember(const cv::Mat& depth, const SE3<double>& T_c_w, const cv::Mat& dynamic_mask, bool segmented);
 
+  /// Whether the surface at a pixel of the frame last segmented was seen in the same place long before.
+  [[nodiscard]] bool verified_static(float u, float v) const;
+
   /// Reference keypoints of the last call, in this frame: pixel and verdict (for pictures).
   struct Match {
     cv::Point2f from, to;
@@ -115,7 +118,7 @@ class GeometricSegmenter {
   std::deque<View> views_;              // newest first
   std::vector<View> spare_;             // memory of dropped views
   Image<float> depth_;                  // reduced depth of the present frame
-  Image<std::uint8_t> seed_, barrier_, mask_, age_, smooth_, zone_;
+  Image<std::uint8_t> seed_, barrier_, mask_, age_, smooth_, zone_, verified_;
   RegionGrowingWorkspace growing_;
   MaskWorkspace morphology_;
   std::vector<std::uint8_t> region_age_;

@@ -39,9 +39,11 @@ struct TrackerOptions {
   int local_keyframes = 12;       ///< neighbours whose points are searched
   int semantic_dilation = 9;      ///< pixels added around a-priori masks
   int feature_margin = 6;         ///< pixels around the fused mask in which features are not used
-  double keyframe_ratio = 0.75;   ///< of the last keyframe's tracked points
+  int enough_known = 200;         ///< features on known static surfaces from which on others make no points
+  double keyframe_ratio = 0.6;    ///< of the last keyframe's tracked points
   int keyframe_max_gap = 30;      ///< frames
-  int keyframe_min_gap = 3;       ///< frames
+  int keyframe_min_gap = 6;       ///< frames
+  int keyframe_urgent = 100;      ///< inliers below which the gap does not matter
   double keyframe_translation = 0.15;  ///< metres
   double keyframe_rotation = 0.20;     ///< radians
   int reference_distance = 5;     ///< keyframes between the present one and the reference (paper, step 4)

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "config_file.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <istream>
+#include <string_view>
+#include <utility>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/text_lines.hpp"
+
+namespace dynslam::app {
+namespace {
+
+std::string_view trim(std::string_view text) {
+  const auto first = text.find_first_not_of(" \t\r");
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
+}
+
+/// Cuts a comment off; a # within quotes or within a word is none.
+std::string_view without_comment(std::string_view text) {
+  char quote = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (quote != 0) {
+      if (text[i] == quote) quote = 0;
+    } else if (text[i] == '"' || text[i] == '\'') {
+      quote = text[i];
+    } else if (text[i] == '#' && (i == 0 || text[i - 1] == ' ' || text[i - 1] == '\t')) {
+      return text.substr(0, i);
+    }
+  }
+  return text;
+}
+
+std::string_view unquote(std::string_view text) {
+  const bool quoted =
+      text.size() >= 2 && text.front() == text.back() && (text.front() == '"' || text.front() == '\'');
+  return quoted ? text.substr(1, text.size() - 2) : text;
+}
+
+}  // namespace
+
+std::vector<CLI::ConfigItem> ConfigFile::from_config(std::istream& in) const {
+  std::vector<CLI::ConfigItem> result;
+  const auto called = app_.get_subcommands();
+  if (called.empty()) return result;  // CLI11 asks for a command next
+  const CLI::App& command = *called.front();
+  const auto file = app_.get_config_ptr()->as<std::string>();
+  bool applies = true;
+  runtime::LineReader reader(in);
+  while (reader.next()) {
+    const auto fail = [&](const std::string& reason) {
+      throw runtime::InputError(file, reader.number(), reason);
+    };
+    const std::string_view line = trim(without_comment(reader.line()));
+    if (line.empty()) continue;
+    if (line.front() == '[' && line.back() == ']') {
+      const std::string section(trim(line.substr(1, line.size() - 2)));
+      const auto named = [&](const CLI::App* c) { return c->get_name() == section; };
+      if (std::as_const(app_).get_subcommands(named).empty()) fail(fmt::format("unknown command '{}'", section));
+      applies = section == command.get_name();
+      continue;
+    }
+    const auto equals = line.find('=');
+    if (equals == std::string_view::npos) fail("expected 'option = value'");
+    if (!applies) continue;
+    const std::string name(unquote(trim(line.substr(0, equals))));
+    const CLI::Option* option = command.get_option_no_throw("--" + name);
+    if (option == nullptr) option = command.get_option_no_throw(name);  // positional
+    if (name.empty() || option == nullptr || name == "help" || name == "config") {
+      fail(fmt::format("unknown option '{}' of {}", name, command.get_name()));
+    }
+    const auto [place, is_new] = where_.emplace(name, fmt::format("{}:{}: ", file, reader.number()));
+    if (!is_new) fail(fmt::format("'{}' is given twice", name));
+    if (!option->empty()) where_[name].clear();  // the command line's value counts, and its errors
+    CLI::ConfigItem item;
+    item.parents = {command.get_name()};
+    item.name = name;
+    item.inputs = {std::string(unquote(trim(line.substr(equals + 1))))};
+    result.push_back(std::move(item));
+  }
+  return result;
+}
+
+std::string ConfigFile::origin(const std::string& error) const {
+  const auto inside_name = [](char c) { return c == '-' || (c >= 'a' && c <= 'z'); };
+  for (const auto& [name, place] : where_) {
+    const auto at = error.find(name);
+    if (at == std::string::npos) continue;
+    const auto end = at + name.size();
+    const bool starts = at == 0 || error.compare(at >= 2 ? at - 2 : 0, 2, "--") == 0;
+    if (starts && (end == error.size() || !inside_name(error[end]))) return place;
+  }
+  return {};
+}
+
+std::shared_ptr<const ConfigFile> add_config_option(CLI::App& app) {
+  const std::string description = "Read options from FILE: `option = value` lines, also under [COMMAND]";
+  app.set_config("--config", "", description)->type_name("FILE");
+  app.allow_config_extras(false);
+  for (CLI::App* command : app.get_subcommands([](CLI::App*) { return true; })) {
+    command->add_option("--config", description)->type_name("FILE");  // for --help: see arguments()
+  }
+  auto file = std::make_shared<ConfigFile>(app);
+  app.config_formatter(file);
+  return file;
+}
+
+std::vector<std::string> arguments(int argc, const char* const* argv) {
+  std::vector<std::string> words(argv + 1, argv + argc), config;
+  for (auto word = words.begin(); word != words.end() && *word != "--";) {
+    const bool joined = word->rfind("--config=", 0) == 0;
+    if (!joined && (*word != "--config" || word + 1 == words.end())) {
+      ++word;
+      continue;
+    }
+    const auto end = word + (joined ? 1 : 2);
+    config.insert(config.end(), word, end);
+    word = words.erase(word, end);
+  }
+  words.insert(words.begin(), config.begin(), config.end());
+  std::reverse(words.begin(), words.end());
+  return words;
+}
+
+}  // namespace dynslam::app
