@@ -31,7 +31,7 @@ Label label_of_colour(const octomap::ColorOcTreeNode::Color& colour) {
 
 SemanticMapper::SemanticMapper(const DistortedPinhole<double>& camera, int width, int height,
                                const SemanticMapperOptions& options)
-    : options_(options), width_(width), height_(height), tree_(options.resolution) {
+    : options_(options), width_(width), tree_(options.resolution) {
   for (int v = options_.pixel_stride / 2; v < height; v += options_.pixel_stride) {
     for (int u = options_.pixel_stride / 2; u < width; u += options_.pixel_stride) {
       const auto ideal = camera.undistort_pixel(Eigen::Vector2d(u, v));

@@ -78,7 +78,7 @@ class SemanticMapper {
   void fuse(const MapKeyframe& keyframe);
 
   SemanticMapperOptions options_;
-  int width_, height_;
+  int width_;  // of the images [px]
   std::vector<Eigen::Vector3f> rays_;  // per used pixel, z = 1
   std::vector<int> pixels_;            // its index in the image
   octomap::ColorOcTree tree_;
