@@ -3,12 +3,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <fstream>
-#include <memory>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <octomap/ColorOcTree.h>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
+#include <span>
+#include <system_error>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
@@ -22,51 +26,187 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string table(const Ablation& ablation, const std::string& title, const Statistics<double>& (*pick)(const AblationRow&)) {
-  std::string text = fmt::format("{}\n{:<11}{:>9}{:>9}{:>9}{:>9}   {}\n", title, "", "RMSE", "mean", "median", "S.D.",
-                                 "improvement of RMSE, mean, median, S.D. over none (Eq 13)");
-  const Statistics<double>* base = nullptr;
+/// A measure of the paper's tables.
+struct Measure {
+  const char* title;
+  const char* key;  // in ablation.json
+  const Statistics<double>& (*of)(const TrajectoryReport&);
+};
+constexpr std::array<Measure, 3> kMeasures{{
+    {"Absolute trajectory error [m]", "ate", [](const TrajectoryReport& r) -> const Statistics<double>& { return r.ate.translation; }},
+    {"Relative pose error, translation [m/s]", "rpe_trans", [](const TrajectoryReport& r) -> const Statistics<double>& { return r.rpe.translation; }},
+    {"Relative pose error, rotation [deg/s]", "rpe_rot", [](const TrajectoryReport& r) -> const Statistics<double>& { return r.rpe.rotation_deg; }},
+}};
+
+constexpr std::array<std::pair<const char*, double Statistics<double>::*>, 4> kFigures{{
+    {"RMSE", &Statistics<double>::rmse},
+    {"mean", &Statistics<double>::mean},
+    {"median", &Statistics<double>::median},
+    {"S.D.", &Statistics<double>::std},
+}};
+
+/// The row that Eq (13) compares with.
+const TrajectoryReport* baseline(const Ablation& ablation) {
   for (const AblationRow& row : ablation.rows) {
-    const Statistics<double>& s = pick(row);
-    text += fmt::format("{:<11}{:>9.4f}{:>9.4f}{:>9.4f}{:>9.4f}", to_string(row.mode), s.rmse, s.mean, s.median, s.std);
-    if (row.mode == DynamicsMode::none) {
-      base = &s;
-    } else if (base != nullptr) {
-      text += fmt::format("   {:>7.2f} % {:>7.2f} % {:>7.2f} % {:>7.2f} %", improvement_percent(base->rmse, s.rmse),
-                          improvement_percent(base->mean, s.mean), improvement_percent(base->median, s.median), improvement_percent(base->std, s.std));
-    }
-    text += '\n';
+    if (row.mode == DynamicsMode::none && row.trajectory) return &*row.trajectory;
   }
-  return text;
+  return nullptr;
 }
 
-const Statistics<double>& ate(const AblationRow& row) { return row.trajectory.ate.translation; }
-const Statistics<double>& rpe_translation(const AblationRow& row) { return row.trajectory.rpe.translation; }
-const Statistics<double>& rpe_rotation(const AblationRow& row) { return row.trajectory.rpe.rotation_deg; }
+Table error_table(const Ablation& ablation, const Measure& measure) {
+  Table table{measure.title, {"mode"}, {}};
+  for (const auto& figure : kFigures) table.header.emplace_back(figure.first);
+  for (const auto& figure : kFigures) table.header.push_back(std::string(figure.first) + " impr.");
+  const TrajectoryReport* base = baseline(ablation);
+  for (const AblationRow& row : ablation.rows) {
+    std::vector<std::string> cells{std::string(to_string(row.mode))};
+    for (const auto& figure : kFigures) {
+      cells.push_back(row.trajectory ? cell(measure.of(*row.trajectory).*figure.second, 4) : "-");
+    }
+    if (row.mode != DynamicsMode::none && row.trajectory && base != nullptr) {
+      for (const auto& figure : kFigures) {
+        cells.push_back(cell(improvement_percent(measure.of(*base).*figure.second, measure.of(*row.trajectory).*figure.second), 2, " %"));
+      }
+    }
+    table.rows.push_back(std::move(cells));
+  }
+  return table;
+}
 
-/// Rows: modes; columns: frames spread over the sequence.
-cv::Mat overlays(const Ablation& ablation, const Sequence& sequence, const fs::path& out) {
+double coverage_percent(const RunSummary& run) {
+  return run.frames > 0 ? 100.0 * static_cast<double>(run.tracked) / static_cast<double>(run.frames) : 0.0;
+}
+
+Table run_table(const Ablation& ablation) {
+  Table table{"Coverage, speed and masks",
+              {"mode", "frames", "tracked", "lost", "broken", "coverage", "frames/s", "tracking [ms]", "recall", "IoU", "precision"},
+              {}};
+  for (const AblationRow& row : ablation.rows) {
+    const RunSummary& run = row.run;
+    const auto stage = run.stages.find("tracking");
+    std::vector<std::string> cells{std::string(to_string(row.mode)), std::to_string(run.frames), std::to_string(run.tracked),
+                                   std::to_string(run.lost), std::to_string(run.broken), cell(coverage_percent(run), 1, " %"),
+                                   cell(run.fps, 1), stage != run.stages.end() ? cell(stage->second.median_ms, 1) : "-"};
+    if (row.masks) {
+      for (const double v : {row.masks->recall, row.masks->iou, row.masks->precision}) cells.push_back(cell(v, 3));
+    } else {
+      cells.insert(cells.end(), 3, "-");
+    }
+    table.rows.push_back(std::move(cells));
+  }
+  return table;
+}
+
+/// What the tables leave open, one line each.
+std::vector<std::string> notes(const Ablation& ablation) {
+  std::vector<std::string> lines;
+  if (baseline(ablation) != nullptr) {
+    lines.emplace_back("impr.: improvement over none in percent (Eq 13)");
+  }
+  if (ablation.semantic_skipped) {
+    lines.emplace_back("semantic and both were not run: the sequence has no label/ folder and no --masks were given");
+  }
+  for (const AblationRow& row : ablation.rows) {
+    if (!row.trajectory) lines.push_back(fmt::format("{}: no ATE and RPE: {}", to_string(row.mode), row.not_comparable));
+  }
+  if (ablation.interrupted) lines.emplace_back("interrupted: modes that are missing were not finished");
+  return lines;
+}
+
+cv::Mat read_mask(const fs::path& path) { return fs::exists(path) ? read_image(path, cv::IMREAD_GRAYSCALE) : cv::Mat(); }
+
+void make_folder(const fs::path& path) {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (error) throw InputError(path.string(), 0, "cannot be made a folder: " + error.message());
+}
+
+/// Writes out/overlays.png (rows: truth where known and modes; columns: frames spread over the sequence) and
+/// the single pictures in out/<mode>/overlays/. Frames that cannot be read leave a grey place.
+void write_overlays(const Ablation& ablation, const Sequence& sequence, const fs::path& out) {
   constexpr std::size_t kColumns = 5;
-  cv::Mat sheet;
+  std::vector<const FrameRecord*> frames;
+  std::vector<cv::Mat> colour;
+  std::vector<std::string> captions;
+  for (std::size_t k = 0; k < std::min(kColumns, sequence.frames.size()); ++k) {
+    const std::size_t columns = std::min(kColumns, sequence.frames.size());
+    const FrameRecord& frame = sequence.frames[(2 * k + 1) * sequence.frames.size() / (2 * columns)];
+    frames.push_back(&frame);
+    captions.push_back(fmt::format("{:.2f} s", frame.t_rgb - sequence.frames.front().t_rgb));
+    try {
+      colour.push_back(read_image(frame.rgb, cv::IMREAD_COLOR));
+    } catch (const InputError&) {  // a broken frame: reported by the run
+      colour.emplace_back();
+    }
+  }
+  std::vector<SheetRow> rows;
+  const auto add_row = [&](const std::string& caption, const fs::path& masks, const fs::path& single) {
+    SheetRow row{caption, {}};
+    for (std::size_t k = 0; k < frames.size(); ++k) {
+      const std::string name = frames[k]->stamp + ".png";
+      const cv::Mat mask = colour[k].empty() ? cv::Mat() : read_mask(masks / name);
+      const bool usable = !mask.empty() && mask.size() == colour[k].size();
+      row.pictures.push_back(usable ? overlay_mask(colour[k], mask) : cv::Mat());
+      if (usable && !single.empty()) write_image(single / name, row.pictures.back());
+    }
+    rows.push_back(std::move(row));
+  };
+  if (fs::is_directory(sequence.root / "dynamic_mask")) add_row("truth", sequence.root / "dynamic_mask", {});
   for (const AblationRow& row : ablation.rows) {
     if (row.mode == DynamicsMode::none) continue;
-    std::vector<cv::Mat> pictures;
-    for (std::size_t k = 0; k < kColumns; ++k) {
-      const FrameRecord& frame = sequence.frames[(2 * k + 1) * sequence.frames.size() / (2 * kColumns)];
-      const fs::path mask = out / std::string(to_string(row.mode)) / "masks" / (frame.stamp + ".png");
-      if (!fs::exists(mask)) continue;  // a broken or not reached frame
-      cv::Mat picture = overlay_mask(read_image(frame.rgb, cv::IMREAD_COLOR), read_image(mask, cv::IMREAD_GRAYSCALE),
-                                     fmt::format("{} {}", to_string(row.mode), frame.stamp));
-      cv::resize(picture, picture, {}, 0.5, 0.5, cv::INTER_AREA);
-      pictures.push_back(picture);
-    }
-    if (pictures.empty()) continue;
-    while (pictures.size() < kColumns) pictures.push_back(cv::Mat::zeros(pictures.front().size(), CV_8UC3));
-    cv::Mat strip;
-    cv::hconcat(pictures, strip);
-    sheet.push_back(strip);
+    const std::string name(to_string(row.mode));
+    make_folder(out / name / "overlays");
+    add_row(name, out / name / "masks", out / name / "overlays");
   }
-  return sheet;
+  if (!rows.empty()) write_image(out / "overlays.png", contact_sheet(rows, captions));
+}
+
+/// Moves a view back, and turns it, until nearly all occupied voxels are in the picture.
+MapView fit_view(const octomap::ColorOcTree& tree, MapView view) {
+  std::vector<Eigen::Vector3d> points;
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  for (auto it = tree.begin_leafs(), end = tree.end_leafs(); it != end; ++it) {
+    if (!tree.isNodeOccupied(*it)) continue;
+    points.emplace_back(it.getX(), it.getY(), it.getZ());
+    centre += points.back();
+  }
+  if (points.empty()) return view;
+  centre /= static_cast<double>(points.size());
+  // Turn about the eye: the shortest rotation that brings the centre onto the optical axis.
+  const Eigen::Vector3d c = view.T_w_c.inverse() * centre;
+  if (c.norm() > 1e-6) {
+    view.T_w_c = view.T_w_c * SE3<double>(Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), c), Eigen::Vector3d::Zero());
+  }
+  const SE3<double> T_c_w = view.T_w_c.inverse();
+  // Distance that a point asks for so that |x| f / (z + back) stays within 0.46 of the picture's size.
+  std::vector<double> back;
+  for (const Eigen::Vector3d& p_w : points) {
+    const Eigen::Vector3d p = T_c_w * p_w;
+    const double x = std::abs(p.x()) / (0.46 * view.size.width), y = std::abs(p.y()) / (0.46 * view.size.height);
+    back.push_back(view.focal * std::max(x, y) - p.z());
+  }
+  const auto most = back.begin() + static_cast<std::ptrdiff_t>(0.999 * static_cast<double>(back.size() - 1));
+  std::nth_element(back.begin(), most, back.end());
+  const double nearest = (T_c_w * centre).z() - 0.8;  // never so far in that the scene is behind the eye
+  view.T_w_c = view.T_w_c * SE3<double>(SO3<double>(), Eigen::Vector3d(0, 0, std::min(-*most, nearest)));
+  return view;
+}
+
+octomap::ColorOcTree read_map(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::string word, type;
+  double resolution = 0;
+  // The header is read here: OctoMap's own reader writes to the terminal.
+  while (in >> word && word != "data") {
+    if (word == "id") in >> type;
+    if (word == "res") in >> resolution;
+    if (word.front() == '#') in.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
+  }
+  if (!in || type != "ColorOcTree" || !(resolution > 0)) throw InputError(path.string(), 0, "is not a map of this program");
+  in.get();  // the line's end
+  octomap::ColorOcTree tree(resolution);
+  tree.readData(in);
+  return tree;
 }
 
 void write_text(const fs::path& path, const std::string& text) {
@@ -103,8 +243,12 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
       if (progress) progress(mode, p);
     });
     if (row.run.interrupted) break;
-    row.trajectory = evaluate_trajectory(row.run.trajectory, sequence.groundtruth, (run.out / "trajectory.txt").string(),
-                                         (options.sequence / "groundtruth.txt").string());
+    try {
+      row.trajectory = evaluate_trajectory(row.run.trajectory, sequence.groundtruth, (run.out / "trajectory.txt").string(),
+                                           (options.sequence / "groundtruth.txt").string());
+    } catch (const InputError& error) {  // one mode that fails is a result, too
+      row.not_comparable = error.what();
+    }
     if (mode != DynamicsMode::none && options.max_frames == 0 && fs::is_directory(options.sequence / "dynamic_mask")) {
       row.masks = evaluate_masks(run.out / "masks", options.sequence / "dynamic_mask");
     }
@@ -116,49 +260,66 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
   if (result.rows.empty()) return result;
 
   std::vector<std::pair<std::string, AteResult<double>>> errors;
-  for (const AblationRow& row : result.rows) errors.emplace_back(to_string(row.mode), row.trajectory.ate);
-  write_image(options.out / "ate_over_time.png", plot_errors(errors, result.sequence));
-  if (const cv::Mat sheet = overlays(result, sequence, options.out); !sheet.empty()) write_image(options.out / "overlays.png", sheet);
+  for (const AblationRow& row : result.rows) {
+    if (row.trajectory) errors.emplace_back(to_string(row.mode), row.trajectory->ate);
+  }
+  if (!errors.empty()) write_image(options.out / "ate_over_time.png", plot_errors(errors, result.sequence));
+  write_overlays(result, sequence, options.out);
   if (options.map) {
     const AblationRow& last = result.rows.back();
-    const fs::path file = options.out / std::string(to_string(last.mode)) / "map.ot";
-    const std::unique_ptr<octomap::AbstractOcTree> tree(octomap::AbstractOcTree::read(file.string()));
-    const auto* colour = dynamic_cast<const octomap::ColorOcTree*>(tree.get());
-    if (colour == nullptr) throw InputError(file.string(), 0, "cannot be read back");
-    write_image(options.out / "map.png", render_map(*colour, view_behind(last.run.trajectory.front().T_w_c)));
+    const octomap::ColorOcTree tree = read_map(options.out / std::string(to_string(last.mode)) / "map.ot");
+    const SE3<double> start = last.run.trajectory.empty() ? SE3<double>() : last.run.trajectory.front().T_w_c;
+    write_image(options.out / "map.png", render_map(tree, fit_view(tree, view_behind(start))));
   }
   write_text(options.out / "tables.txt", to_text(result));
+  write_text(options.out / "tables.md", to_markdown(result));
   write_text(options.out / "ablation.json", to_json(result).dump(2) + "\n");
   return result;
 }
 
+std::vector<Table> tables(const Ablation& ablation) {
+  std::vector<Table> result;
+  for (const Measure& measure : kMeasures) result.push_back(error_table(ablation, measure));
+  result.push_back(run_table(ablation));
+  return result;
+}
+
 std::string to_text(const Ablation& ablation) {
-  std::string text = table(ablation, "Absolute trajectory error [m], " + ablation.sequence, ate) + '\n' +
-                     table(ablation, "Relative pose error, translation [m/s]", rpe_translation) + '\n' +
-                     table(ablation, "Relative pose error, rotation [deg/s]", rpe_rotation) + '\n';
-  text += fmt::format("{:<11}{:>9}{:>9}{:>9}{:>12}{:>10}{:>9}{:>11}\n", "", "tracked", "frames", "fps", "tracking ms", "recall", "IoU", "precision");
-  for (const AblationRow& row : ablation.rows) {
-    const auto stage = row.run.stages.find("tracking");
-    text += fmt::format("{:<11}{:>9}{:>9}{:>9.1f}{:>12.1f}", to_string(row.mode), row.run.tracked, row.run.frames, row.run.fps,
-                        stage != row.run.stages.end() ? stage->second.median_ms : 0.0);
-    if (row.masks) text += fmt::format("{:>10.3f}{:>9.3f}{:>11.3f}", row.masks->recall, row.masks->iou, row.masks->precision);
-    text += '\n';
-  }
-  if (ablation.semantic_skipped) text += "semantic and both were not run: the sequence has no label/ folder and no --masks were given\n";
+  std::string text = "Sequence: " + ablation.sequence + '\n';
+  for (const Table& table : tables(ablation)) text += '\n' + to_text(table);
+  text += '\n';
+  for (const std::string& note : notes(ablation)) text += note + '\n';
+  return text;
+}
+
+std::string to_markdown(const Ablation& ablation) {
+  std::string text = fmt::format("## {}\n", ablation.sequence);
+  for (const Table& table : tables(ablation)) text += '\n' + to_markdown(table);
+  text += '\n';
+  for (const std::string& note : notes(ablation)) text += "- " + note + '\n';
   return text;
 }
 
 nlohmann::json to_json(const Ablation& ablation) {
-  nlohmann::json j{{"sequence", ablation.sequence}, {"semantic_skipped", ablation.semantic_skipped}, {"modes", nlohmann::json::object()}};
-  const Statistics<double>* base = nullptr;
+  nlohmann::json j{{"sequence", ablation.sequence},
+                   {"semantic_skipped", ablation.semantic_skipped},
+                   {"interrupted", ablation.interrupted},
+                   {"modes", nlohmann::json::object()}};
+  const TrajectoryReport* base = baseline(ablation);
   for (const AblationRow& row : ablation.rows) {
-    if (row.mode == DynamicsMode::none) base = &ate(row);
-    nlohmann::json mode = to_json(row.trajectory);
+    nlohmann::json mode = row.trajectory ? to_json(*row.trajectory) : nlohmann::json{{"not_comparable", row.not_comparable}};
     mode["frames"] = row.run.frames;
     mode["tracked"] = row.run.tracked;
+    mode["lost"] = row.run.lost;
+    mode["broken"] = row.run.broken;
+    mode["coverage_percent"] = coverage_percent(row.run);
     mode["fps"] = row.run.fps;
     if (row.masks) mode["masks"] = to_json(*row.masks);
-    if (base != nullptr) mode["ate_improvement_percent"] = improvement_percent(base->rmse, ate(row).rmse);
+    if (base != nullptr && row.trajectory) {
+      for (const Measure& m : kMeasures) {
+        mode[std::string(m.key) + "_improvement_percent"] = improvement_percent(m.of(*base).rmse, m.of(*row.trajectory).rmse);
+      }
+    }
     j["modes"][std::string(to_string(row.mode))] = std::move(mode);
   }
   return j;

@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
 
 #include "tum_fixture.hpp"
@@ -21,8 +22,7 @@ struct Result {
   std::string out;  ///< stdout and stderr
 };
 
-Result call(const std::string& arguments) {
-  const std::string command = std::string(DYNSLAM_PROGRAM) + " " + arguments + " 2>&1";
+Result shell(const std::string& command) {
   FILE* pipe = popen(command.c_str(), "r");
   REQUIRE(pipe != nullptr);
   Result result;
@@ -30,6 +30,15 @@ Result call(const std::string& arguments) {
   while (const std::size_t n = fread(buffer.data(), 1, buffer.size(), pipe)) result.out.append(buffer.data(), n);
   result.code = WEXITSTATUS(pclose(pipe));
   return result;
+}
+
+Result call(const std::string& arguments) { return shell(std::string(DYNSLAM_PROGRAM) + " " + arguments + " 2>&1"); }
+
+std::ptrdiff_t lines_with(const std::string& text, const std::string& part) {
+  std::istringstream in(text);
+  std::ptrdiff_t count = 0;
+  for (std::string line; std::getline(in, line);) count += line.find(part) != std::string::npos ? 1 : 0;
+  return count;
 }
 
 void check_one_line_error(const std::string& arguments, int code, const std::string& part) {
@@ -66,6 +75,9 @@ TEST_CASE("errors are one line on stderr with a non-zero code") {
   check_one_line_error("eval " + path + "/groundtruth.txt " + path + "/groundtruth.txt", 1, "cannot be aligned");
   check_one_line_error("eval-masks " + path + " " + path + "/absent", 1, "is not a folder");
   check_one_line_error("synth " + path + "/s --scenario party", 2, "unknown scenario 'party'");
+  check_one_line_error("rnu " + path, 2, "unknown command 'rnu'");
+  check_one_line_error("run " + path + " --out " + path + "/o --max-frames -1", 2, "--max-frames: '-1' is not a whole number");
+  check_one_line_error("run " + path + " --out " + path + "/o --tau nan", 2, "--tau: 'nan' is not a number above 0");
 }
 
 TEST_CASE("a sequence without anything to track ends with an error, and its files are there") {
@@ -96,6 +108,77 @@ TEST_CASE("eval prints the documented JSON, from options of a config file too") 
   }
 }
 
+TEST_CASE("a config file: the command line wins, other commands' sections do not count, mistakes name their line") {
+  const dynslam::test::TumFixture tum(5);
+  const std::string path = tum.path.string(), config = path + "/c.toml", out = path + "/o";
+  const auto write = [&](const std::string& text) { std::ofstream(config) << text; };
+  const auto configuration = [&](const std::string& arguments) {
+    call("run " + arguments + " --config " + config);  // fails later: there is nothing to track
+    std::ifstream in(out + "/summary.json");
+    return nlohmann::json::parse(in)["configuration"];
+  };
+  write("# all of run\nsequence = '" + path + "'\nout = \"" + out + "\"  # quoted\ndynamics = none\nmap = false\n" +
+        "max-frames = 2\n[ablate]\nmax-frames = 1\n[run]\nseed = 7\n");
+  auto j = configuration("");
+  CHECK(j["dynamics"] == "none");
+  CHECK(j["map"] == false);
+  CHECK(j["max_frames"] == 2);
+  CHECK(j["seed"] == 7);
+  j = configuration("--max-frames 4");
+  CHECK(j["max_frames"] == 4);
+  CHECK(j["seed"] == 7);
+
+  const std::string run = "run " + path + " --out " + out + " --config " + config;
+  write("dynamics = none\n\nmax-frame = 3\n");
+  check_one_line_error(run, 1, "c.toml:3: unknown option 'max-frame' of run");
+  write("[run]\ndynamics none\n");
+  check_one_line_error(run, 1, "c.toml:2: expected 'option = value'");
+  write("[walk]\n");
+  check_one_line_error(run, 1, "c.toml:1: unknown command 'walk'");
+  write("seed = 1\ndynamics = magic\n");
+  check_one_line_error(run, 1, "c.toml:2: --dynamics: magic");
+  write("seed = 1\nseed = 2\n");
+  check_one_line_error(run, 1, "c.toml:2: 'seed' is given twice");
+  check_one_line_error("run " + path + " --out " + out + " --config " + path + "/absent", 1, "absent: cannot be opened");
+}
+
+TEST_CASE("a run says in one line what was broken, and how accurate it was") {
+  const dynslam::test::TemporaryFolder folder;
+  const std::string path = folder.path.string();
+  REQUIRE(call("synth " + path + "/s --frames 40 --path xyz --walkers 1").code == 0);
+  for (const char* stamp : {"1000000.500000", "1000000.600000", "1000000.700000"}) {
+    std::filesystem::resize_file(folder.path / "s" / "rgb" / (std::string(stamp) + ".png"), 5000);
+  }
+  const Result r = call("run " + path + "/s --out " + path + "/o --dynamics none --map false");
+  CAPTURE(r.out);
+  CHECK(r.code == 0);
+  CHECK(lines_with(r.out, "warning") == 1);
+  CHECK(r.out.find("3 broken and 0 lost of 40 frames: ") != std::string::npos);
+  CHECK(r.out.find("1000000.500000.png: is truncated") != std::string::npos);
+  CHECK(r.out.find("37 of 40 frames tracked") != std::string::npos);
+  CHECK(lines_with(r.out, "ATE [m]") == 1);
+  CHECK(r.out.find('\r') == std::string::npos);  // no progress line where nobody watches
+  CHECK_FALSE(std::filesystem::exists(folder.path / "o" / "map.ot"));
+}
+
+TEST_CASE("an interrupted run keeps what it has and exits with 130") {
+  const dynslam::test::TemporaryFolder folder;
+  const std::string path = folder.path.string();
+  REQUIRE(call("synth " + path + "/s --frames 90 --path xyz --walkers 1").code == 0);
+  // summary.json appears when the run begins.
+  const Result r = shell(std::string(DYNSLAM_PROGRAM) + " run " + path + "/s --out " + path + "/o --dynamics geometric 2>&1 & pid=$!; " +
+                         "for i in $(seq 3000); do [ -e " + path + "/o/summary.json ] && break; sleep 0.01; done; " +
+                         "sleep 0.1; kill -INT $pid; wait $pid");
+  CAPTURE(r.out);
+  CHECK(r.code == 130);
+  CHECK(r.out.find("interrupted; what was computed is saved") != std::string::npos);
+  std::ifstream in(folder.path / "o" / "summary.json");
+  const auto summary = nlohmann::json::parse(in);
+  CHECK(summary["interrupted"] == true);
+  CHECK(summary["frames"].get<int>() < 90);
+  CHECK(std::filesystem::exists(folder.path / "o" / "trajectory.txt"));
+}
+
 TEST_CASE("synth and ablate work from end to end and leave the tables and pictures") {
   const dynslam::test::TemporaryFolder folder;
   const std::string path = folder.path.string();
@@ -104,10 +187,26 @@ TEST_CASE("synth and ablate work from end to end and leave the tables and pictur
   CAPTURE(r.out);
   REQUIRE(r.code == 0);
   CHECK(r.out.find("Eq 13") != std::string::npos);
-  for (const char* file : {"tables.txt", "ablation.json", "overlays.png", "ate_over_time.png", "map.png", "trajectory_none.png",
+  CHECK(r.out.find("octree") == std::string::npos);  // no chatter of libraries
+  for (const char* file : {"tables.txt", "tables.md", "ablation.json", "overlays.png", "ate_over_time.png", "map.png", "trajectory_none.png",
                            "trajectory_both.png", "both/map.ot", "geometric/masks/1000000.000000.png"}) {
     CAPTURE(file);
     CHECK(std::filesystem::exists(folder.path / "o" / file));
   }
+}
+
+TEST_CASE("an ablation without masks runs what it can and says so; a camera at rest does not end it") {
+  const dynslam::test::TemporaryFolder folder;
+  const std::string path = folder.path.string();
+  REQUIRE(call("synth " + path + "/s --frames 10 --path static --scenario empty").code == 0);
+  std::filesystem::remove_all(folder.path / "s" / "label");
+  const Result r = call("ablate " + path + "/s --out " + path + "/o --map false");
+  CAPTURE(r.out);
+  CHECK(r.code == 0);
+  CHECK(r.out.find("semantic and both were not run") != std::string::npos);
+  CHECK(r.out.find("none: no ATE and RPE: ") != std::string::npos);  // too short to have an interval of 1 s
+  CHECK(std::filesystem::exists(folder.path / "o" / "geometric" / "trajectory.txt"));
+  CHECK_FALSE(std::filesystem::exists(folder.path / "o" / "both"));
+  CHECK(std::filesystem::exists(folder.path / "o" / "ablation.json"));
 }
 #endif

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+namespace dynslam::runtime {
+
+/// A table of ready-made cells; the first column is aligned to the left, the others to the right.
+struct Table {
+  std::string title;
+  std::vector<std::string> header;
+  std::vector<std::vector<std::string>> rows;  ///< rows shorter than the header are filled up
+};
+
+/// A number with so many decimals; "-" where it is not finite.
+[[nodiscard]] std::string cell(double value, int decimals, const std::string& unit = {});
+
+/// Columns of equal width, for a terminal.
+[[nodiscard]] std::string to_text(const Table& table);
+/// A GitHub-flavoured Markdown table below a heading.
+[[nodiscard]] std::string to_markdown(const Table& table);
+
+}  // namespace dynslam::runtime
