@@ -47,7 +47,8 @@ cv::Mat planks(Random& r, const cv::Scalar& base, int rows) {
     strip += tint;
     for (int k = 0; k < 14; ++k) {  // grain
       const int y = r.integer(0, h - 1), x = r.integer(0, 400);
-      cv::line(strip, {x, y}, {x + r.integer(40, 200), y + r.integer(-2, 2)}, base * r.uniform(0.7, 0.95), 1);
+      const cv::Point end{x + r.integer(40, 200), y + r.integer(-2, 2)};
+      cv::line(strip, {x, y}, end, base * r.uniform(0.7, 0.95), 1);
     }
     cv::line(image, {0, i * h}, {511, i * h}, base * 0.5, 2);
     const int joint = r.integer(0, 511);
@@ -68,11 +69,14 @@ void text_lines(Random& r, cv::Mat image, int x, int y, int width, int lines, co
 cv::Mat poster(Random& r) {
   cv::Mat image(384, 272, CV_8UC3, colour(r, 120, 250));
   for (int k = 0; k < 9; ++k) {
-    const cv::Point a(r.integer(0, 271), r.integer(40, 300));
+    const cv::Point a{r.integer(0, 271), r.integer(40, 300)};
     if (r.uniform(0, 1) < 0.5) {
-      cv::circle(image, a, r.integer(10, 60), colour(r, 10, 230), r.uniform(0, 1) < 0.6 ? cv::FILLED : 4, cv::LINE_AA);
+      const int radius = r.integer(10, 60);
+      const cv::Scalar ink = colour(r, 10, 230);
+      cv::circle(image, a, radius, ink, r.uniform(0, 1) < 0.6 ? cv::FILLED : 4, cv::LINE_AA);
     } else {
-      cv::rectangle(image, a, a + cv::Point(r.integer(15, 110), r.integer(15, 80)), colour(r, 10, 230), cv::FILLED);
+      const cv::Point size{r.integer(15, 110), r.integer(15, 80)};
+      cv::rectangle(image, a, a + size, colour(r, 10, 230), cv::FILLED);
     }
   }
   text_lines(r, image, 12, 34, 240, 1, {20, 20, 20}, 1.3);
@@ -84,7 +88,7 @@ cv::Mat poster(Random& r) {
 cv::Mat screen(Random& r) {
   cv::Mat image(288, 480, CV_8UC3, colour(r, 20, 120));
   for (int k = 0; k < 3; ++k) {
-    const cv::Rect window(r.integer(8, 200), r.integer(8, 90), r.integer(160, 260), r.integer(110, 180));
+    const cv::Rect window{r.integer(8, 200), r.integer(8, 90), r.integer(160, 260), r.integer(110, 180)};
     const cv::Rect shown = window & cv::Rect(0, 0, 480, 270);
     const bool dark = r.uniform(0, 1) < 0.4;
     cv::rectangle(image, shown, dark ? cv::Scalar(40, 34, 30) : cv::Scalar(238, 240, 240), cv::FILLED);
@@ -114,7 +118,8 @@ cv::Mat cloth(Random& r, int kind) {
   }
   for (int k = 0; k < 10; ++k) {  // folds
     const int x = r.integer(0, 255);
-    cv::line(image, {x, 0}, {x + r.integer(-50, 50), 255}, base * 0.6, r.integer(1, 3), cv::LINE_AA);
+    const int end = x + r.integer(-50, 50);
+    cv::line(image, {x, 0}, {end, 255}, base * 0.6, r.integer(1, 3), cv::LINE_AA);
   }
   return image;
 }
@@ -124,7 +129,8 @@ cv::Mat book_spines(Random& r) {
   for (int x = 0; x < 512;) {
     const int w = r.integer(14, 40), top = r.integer(0, 60);
     cv::rectangle(image, {x, top, w - 1, 256 - top}, colour(r, 20, 240), cv::FILLED);
-    cv::rectangle(image, {x + 3, top + r.integer(15, 60), std::max(2, w - 7), r.integer(20, 60)}, colour(r, 60, 250), cv::FILLED);
+    const cv::Rect title{x + 3, top + r.integer(15, 60), std::max(2, w - 7), r.integer(20, 60)};
+    cv::rectangle(image, title, colour(r, 60, 250), cv::FILLED);
     x += w;
   }
   return image;
@@ -147,7 +153,10 @@ cv::Mat carton(Random& r) {
   text_lines(r, image, 28, 168, 70, 3, {20, 20, 20}, 0.5);
   cv::circle(image, {190, 70}, 30, {40, 60, 200}, 5, cv::LINE_AA);
   text_lines(r, image, 150, 220, 100, 1, {30, 30, 120}, 1.2);
-  for (int k = 0; k < 12; ++k) cv::circle(image, {r.integer(0, 255), r.integer(0, 255)}, r.integer(2, 5), {50, 80, 110}, cv::FILLED);
+  for (int k = 0; k < 12; ++k) {
+    const cv::Point stain{r.integer(0, 255), r.integer(0, 255)};
+    cv::circle(image, stain, r.integer(2, 5), {50, 80, 110}, cv::FILLED);
+  }
   cv::rectangle(image, {0, 0, 256, 256}, {60, 95, 125}, 4);
   return image;
 }
@@ -193,7 +202,10 @@ void Scene::make_textures(Random& r) {
   carton_ = add_texture(carton(r), 0.4);
   leaf_ = add_texture(speckle(r, {40, 120, 50}, 128, 25, 25), 0.2);
   cloth_ = add_texture(speckle(r, colour(r, 40, 130), 256, 10, 5), 0.4);
-  for (int i = 0; i < 8; ++i) posters_.push_back(add_texture(poster(r), r.uniform(0.4, 0.6)));
+  for (int i = 0; i < 8; ++i) {
+    const cv::Mat picture = poster(r);
+    posters_.push_back(add_texture(picture, r.uniform(0.4, 0.6)));
+  }
   for (int i = 0; i < 4; ++i) screens_.push_back(add_texture(screen(r), 0.52));
   for (int i = 0; i < 3; ++i) books_.push_back(add_texture(book_spines(r), 0.8));
   for (int i = 0; i < 4; ++i) {
@@ -287,12 +299,14 @@ void Scene::make_desk(Random& r, double x, double y) {
   for (int k = 0; k < displays; ++k) {
     const Tag tag{Label::display, ++instances_};
     const double dx = x + (displays == 1 ? r.uniform(-0.2, 0.2) : (k == 0 ? -0.32 : 0.32));
-    const Affine3d T = at(dx, y + r.uniform(0.05, 0.2), top, r.uniform(-0.25, 0.25));
+    const double dy = y + r.uniform(0.05, 0.2);
+    const Affine3d T = at(dx, dy, top, r.uniform(-0.25, 0.25));
     box(furniture_, T * Translation3d(0, 0, 0.29), {0.54, 0.04, 0.34}, dark_, tag, screens_[static_cast<std::size_t>(r.integer(0, 3))]);
     box(furniture_, T * Translation3d(0, 0.03, 0.1), {0.06, 0.03, 0.2}, dark_, tag);
     box(furniture_, T * Translation3d(0, 0.02, 0.01), {0.24, 0.18, 0.02}, dark_, tag);
   }
-  box(furniture_, at(x + r.uniform(-0.1, 0.1), y - 0.2, top + 0.012, r.uniform(-0.1, 0.1)), {0.44, 0.16, 0.024}, keyboard_, none);
+  const double kx = x + r.uniform(-0.1, 0.1);
+  box(furniture_, at(kx, y - 0.2, top + 0.012, r.uniform(-0.1, 0.1)), {0.44, 0.16, 0.024}, keyboard_, none);
   for (int k = 0; k < 3; ++k) {  // mugs, books, papers
     const double cx = x + r.uniform(-0.68, 0.68), cy = y + r.uniform(-0.3, 0.05);
     limb(furniture_, {cx, cy, top + 0.03}, {cx, cy, top + 0.07}, 0.038, 0.038, mugs_[static_cast<std::size_t>(r.integer(0, 3))], none);
@@ -300,8 +314,8 @@ void Scene::make_desk(Random& r, double x, double y) {
     double z = top;
     const double bx = x + r.uniform(-0.6, 0.6), by = y + r.uniform(-0.28, 0.2);
     for (int b = 0; b < n; ++b) {
-      const double thick = r.uniform(0.015, 0.045);
-      box(furniture_, at(bx, by, z + thick / 2, r.uniform(-0.4, 0.4)), {0.21, 0.28, thick}, posters_[static_cast<std::size_t>(r.integer(0, 7))], none);
+      const double thick = r.uniform(0.015, 0.045), yaw = r.uniform(-0.4, 0.4);
+      box(furniture_, at(bx, by, z + thick / 2, yaw), {0.21, 0.28, thick}, posters_[static_cast<std::size_t>(r.integer(0, 7))], none);
       z += thick;
     }
   }
@@ -323,7 +337,8 @@ void Scene::make_room(Random& r) {
   }
   box(furniture_, at(0, 3.25, 0.65), {4.2, 0.06, 1.3}, partition_, none);
   for (int k = 0; k < 4; ++k) {
-    box(furniture_, at(-1.6 + k + r.uniform(-0.2, 0.2), 3.2, 1.05 + r.uniform(-0.08, 0.06)), {0.3, 0.02, 0.34}, partition_, none,
+    const double x = -1.6 + k + r.uniform(-0.2, 0.2), z = 1.05 + r.uniform(-0.08, 0.06);
+    box(furniture_, at(x, 3.2, z), {0.3, 0.02, 0.34}, partition_, none,
         posters_[static_cast<std::size_t>(r.integer(0, 7))]);
   }
   for (const double side : {-1.0, 1.0}) {
@@ -333,10 +348,12 @@ void Scene::make_room(Random& r) {
       box(furniture_, at(x, 3.94, 0.35 + 0.45 * row), {1.2, 0.04, 0.3}, dark_, none, books_[static_cast<std::size_t>(r.integer(0, 2))]);
     }
     for (int k = 0; k < 3; ++k) {
-      box(furniture_, at(side * (4.18), 0.4 + 1.1 * k, r.uniform(1.3, 1.7), -side * std::numbers::pi / 2), {0.5, 0.02, 0.7}, wall_, none,
+      const double z = r.uniform(1.3, 1.7);
+      box(furniture_, at(side * 4.18, 0.4 + 1.1 * k, z, -side * std::numbers::pi / 2), {0.5, 0.02, 0.7}, wall_, none,
           posters_[static_cast<std::size_t>(r.integer(0, 7))]);
     }
-    box(furniture_, at(side * r.uniform(2.4, 2.9), r.uniform(2.0, 2.8), 0.2, r.uniform(0, 1)), {0.5, 0.4, 0.4}, carton_, none);
+    const double bx = side * r.uniform(2.4, 2.9), by = r.uniform(2.0, 2.8);
+    box(furniture_, at(bx, by, 0.2, r.uniform(0, 1)), {0.5, 0.4, 0.4}, carton_, none);
   }
   const double px = r.uniform(-2.6, -2.2), py = 3.0;
   limb(furniture_, {px, py, 0.12}, {px, py, 0.32}, 0.14, 0.17, carton_, none);
@@ -344,10 +361,15 @@ void Scene::make_room(Random& r) {
     const double a = r.uniform(0, 2 * std::numbers::pi), s = r.uniform(0.2, 0.45);
     limb(furniture_, {px, py, 0.45}, {px + s * std::cos(a), py + s * std::sin(a), r.uniform(0.7, 1.25)}, 0.015, 0.05, leaf_, none);
   }
-  for (const double x : {-1.65, 0.0, 1.65}) make_desk(r, x + r.uniform(-0.05, 0.05), 2.6 + r.uniform(-0.05, 0.05));
+  for (const double x : {-1.65, 0.0, 1.65}) {
+    const double dx = x + r.uniform(-0.05, 0.05);
+    make_desk(r, dx, 2.6 + r.uniform(-0.05, 0.05));
+  }
   for (const double x : {-2.0, 2.0}) box(furniture_, at(x, 1.5, high - 0.04), {0.3, 1.4, 0.06}, ceiling_, none);
-  make_chair(r.uniform(-1.7, -1.4), r.uniform(1.75, 1.95), r.uniform(-0.5, 0.5));
-  make_chair(r.uniform(0.2, 0.5), r.uniform(1.8, 1.95), r.uniform(-0.6, 0.6));
+  for (const double left : {-1.7, 0.2}) {
+    const double x = left + r.uniform(0, 0.3), y = r.uniform(1.75, 1.95);
+    make_chair(x, y, r.uniform(-0.6, 0.6));
+  }
   sitter_x_ = r.uniform(1.45, 1.7);
   sitter_y_ = r.uniform(1.75, 1.9);
   make_chair(sitter_x_, sitter_y_, 0.0);
