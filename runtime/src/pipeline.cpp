@@ -4,13 +4,13 @@
 #include <fmt/format.h>
 #include <sys/resource.h>
 
+#include <octomap/octomap.h>
 #include <Eigen/Core>
 #include <algorithm>
 #include <exception>
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <octomap/octomap.h>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
@@ -61,7 +61,8 @@ struct Timings {
       for (std::size_t i = 0; i < rows.size(); ++i) values[i] = value(rows[i]);
       std::sort(values.begin(), values.end());
       const auto last = static_cast<double>(values.size() - 1);
-      result[std::move(name)] = {values[values.size() / 2], values[static_cast<std::size_t>(last * 0.95 + 0.5)]};
+      result[std::move(name)] = {values[values.size() / 2],
+                                 values[static_cast<std::size_t>(last * 0.95 + 0.5)]};
     };
     for (std::size_t s = 0; s < kStageNames.size(); ++s) {
       add(std::string(kStageNames[s]), [s](const Row& row) { return row.times[s]; });
@@ -85,7 +86,8 @@ nlohmann::json summary_json(const RunOptions& options, const CameraConfig& camer
   j["broken"] = s.broken;
   j["interrupted"] = s.interrupted;
   j["problems"] = s.problems;
-  for (const auto& [name, value] : s.stages) j["stages"][name] = {{"median_ms", value.median_ms}, {"p95_ms", value.p95_ms}};
+  for (const auto& [name, value] : s.stages)
+    j["stages"][name] = {{"median_ms", value.median_ms}, {"p95_ms", value.p95_ms}};
   j["fps"] = s.fps;
   j["peak_rss_mb"] = s.peak_rss_mb;
   const TrackerOptions& t = options.tracker;
@@ -101,10 +103,11 @@ nlohmann::json summary_json(const RunOptions& options, const CameraConfig& camer
                         {"nu", t.nu},
                         {"geometry_nu", t.geometry.nu},
                         {"tau", t.geometry.tau}};
-  j["versions"] = {{"dynslam", DYNSLAM_VERSION},
-                   {"opencv", CV_VERSION},
-                   {"eigen", fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
-                   {"compiler", __VERSION__}};
+  j["versions"] = {
+      {"dynslam", DYNSLAM_VERSION},
+      {"opencv", CV_VERSION},
+      {"eigen", fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
+      {"compiler", __VERSION__}};
   return j;
 }
 
@@ -118,7 +121,8 @@ void write_text(const fs::path& path, const std::string& text) {
 void make_folder(const fs::path& path) {
   std::error_code error;
   fs::create_directories(path, error);
-  if (error || !fs::is_directory(path)) throw InputError(path.string(), 0, "cannot be made a folder: " + error.message());
+  if (error || !fs::is_directory(path))
+    throw InputError(path.string(), 0, "cannot be made a folder: " + error.message());
 }
 
 void write_mask(const fs::path& path, const cv::Mat& mask) {
@@ -132,8 +136,9 @@ void write_mask(const fs::path& path, const cv::Mat& mask) {
 RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop,
                         const std::function<void(const Progress&)>& progress) {
   if (uses_semantic(options.dynamics) && options.masks.empty()) {
-    throw UsageError(fmt::format("--dynamics {} needs a-priori masks: give --masks DIR, or use --dynamics geometric",
-                                 to_string(options.dynamics)));
+    throw UsageError(
+        fmt::format("--dynamics {} needs a-priori masks: give --masks DIR, or use --dynamics geometric",
+                    to_string(options.dynamics)));
   }
   SequenceOptions sequence_options;
   sequence_options.max_frames = options.max_frames;
@@ -149,7 +154,7 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
 
   TrackerOptions tracker_options = options.tracker;
   tracker_options.dynamics = options.dynamics;
-  tracker_options.geometry.seed = options.seed;
+  tracker_options.seed = tracker_options.geometry.seed = options.seed;
   Tracker tracker(camera, tracker_options);
   std::unique_ptr<SemanticMapper> mapper;
   if (options.map) {
@@ -165,7 +170,8 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
   Stopwatch wall;
   double elapsed_ms = 0;
   FrameStream stream(sequence, camera, StreamOptions{});
-  const cv::Mat margin = cv::getStructuringElement(cv::MORPH_RECT, {2 * kMapMaskMargin + 1, 2 * kMapMaskMargin + 1});
+  const cv::Mat margin =
+      cv::getStructuringElement(cv::MORPH_RECT, {2 * kMapMaskMargin + 1, 2 * kMapMaskMargin + 1});
   cv::Mat never_map;
   try {
     while (!stop.load()) {
@@ -180,7 +186,8 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
         std::optional<Masks> prior;
         if (masks) prior = masks->read(frame.stamp, camera.width, camera.height);
         TrackResult result = tracker.track(frame, prior);
-        const bool tracked = result.state == TrackingState::tracked || result.state == TrackingState::relocalised;
+        const bool tracked =
+            result.state == TrackingState::tracked || result.state == TrackingState::relocalised;
         if (tracked) {
           ++summary.tracked;
           summary.trajectory.push_back({frame.t, result.T_w_c});
@@ -188,12 +195,14 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
           ++summary.lost;
           summary.problems.push_back(fmt::format("{}: {}", frame.stamp, to_string(result.state)));
         }
-        if (options.save_masks) write_mask(options.out / "masks" / (frame.stamp + ".png"), result.dynamic_mask);
+        if (options.save_masks)
+          write_mask(options.out / "masks" / (frame.stamp + ".png"), result.dynamic_mask);
         if (result.keyframe) {
           keyframes.push_back({frame.t, result.T_w_c});
           if (mapper) {
             cv::dilate(result.dynamic_mask, never_map, margin);
-            mapper->insert({result.T_w_c, frame.depth, never_map.clone(), prior ? prior->labels : cv::Mat(), frame.bgr});
+            mapper->insert(
+                {result.T_w_c, frame.depth, never_map.clone(), prior ? prior->labels : cv::Mat(), frame.bgr});
           }
         }
         const double lap = wall.lap_ms();
@@ -230,8 +239,9 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
   if (failure) std::rethrow_exception(failure);
   if (summary.tracked == 0 && !summary.interrupted) {
     throw InputError(options.sequence.string(), 0,
-                     summary.problems.empty() ? "no frame could be tracked"
-                                              : "no frame could be tracked; first problem: " + summary.problems.front());
+                     summary.problems.empty()
+                         ? "no frame could be tracked"
+                         : "no frame could be tracked; first problem: " + summary.problems.front());
   }
   return summary;
 }

@@ -14,16 +14,19 @@
 namespace dynslam::runtime {
 namespace {
 
-constexpr int kMatchFar = 100;   // Hamming distance accepted where the geometry already limits the search
-constexpr int kMatchNear = 60;   // and where it does not
+constexpr int kMatchFar = 100;  // Hamming distance accepted where the geometry already limits the search
+constexpr int kMatchNear = 60;  // and where it does not
 constexpr std::size_t kInitialFeatures = 100;  // with depth, to start a map
 
-double& time_of(StageTimes& times, Stage stage) { return times[static_cast<std::size_t>(stage)]; }
+double& time_of(StageTimes& times, Stage stage) {
+  return times[static_cast<std::size_t>(stage)];
+}
 
 }  // namespace
 
 std::optional<DynamicsMode> parse_dynamics(std::string_view name) {
-  for (const auto mode : {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both}) {
+  for (const auto mode :
+       {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both}) {
     if (name == to_string(mode)) return mode;
   }
   return std::nullopt;
@@ -31,20 +34,28 @@ std::optional<DynamicsMode> parse_dynamics(std::string_view name) {
 
 std::string_view to_string(DynamicsMode mode) {
   switch (mode) {
-    case DynamicsMode::none: return "none";
-    case DynamicsMode::semantic: return "semantic";
-    case DynamicsMode::geometric: return "geometric";
-    case DynamicsMode::both: return "both";
+    case DynamicsMode::none:
+      return "none";
+    case DynamicsMode::semantic:
+      return "semantic";
+    case DynamicsMode::geometric:
+      return "geometric";
+    case DynamicsMode::both:
+      return "both";
   }
   return "unknown";
 }
 
 std::string_view to_string(TrackingState state) {
   switch (state) {
-    case TrackingState::not_initialised: return "not initialised";
-    case TrackingState::tracked: return "tracked";
-    case TrackingState::relocalised: return "relocalised";
-    case TrackingState::lost: return "lost";
+    case TrackingState::not_initialised:
+      return "not initialised";
+    case TrackingState::tracked:
+      return "tracked";
+    case TrackingState::relocalised:
+      return "relocalised";
+    case TrackingState::lost:
+      return "lost";
   }
   return "unknown";
 }
@@ -57,7 +68,8 @@ Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
       const auto ideal = camera_.model.undistort_pixel(Eigen::Vector2d(u, v));
       // Where the distortion has no inverse the pixel carries no geometry: it is put outside the image.
       undistort_lut_[static_cast<std::size_t>(v * camera_.width + u)] =
-          ideal ? cv::Point2f(static_cast<float>(ideal->x()), static_cast<float>(ideal->y())) : cv::Point2f(-1e6F, -1e6F);
+          ideal ? cv::Point2f(static_cast<float>(ideal->x()), static_cast<float>(ideal->y()))
+                : cv::Point2f(-1e6F, -1e6F);
     }
   }
 }
@@ -69,8 +81,21 @@ double Tracker::depth_information(double z) const {
 
 Eigen::Vector3d Tracker::point_of(const Frame& frame, int feature) const {
   const Feature& f = frame.features[static_cast<std::size_t>(feature)];
-  const Eigen::Vector3d p_c = camera_.model.pinhole().unproject(Eigen::Vector2d(f.x, f.y), static_cast<double>(f.depth));
+  const Eigen::Vector3d p_c =
+      camera_.model.pinhole().unproject(Eigen::Vector2d(f.x, f.y), static_cast<double>(f.depth));
   return frame.T_c_w.inverse() * p_c;
+}
+
+void Tracker::place(Feature& f, const Eigen::Vector2d& x, const cv::Mat& depth) const {
+  f.u = static_cast<float>(x.x());
+  f.v = static_cast<float>(x.y());
+  const int u = cvRound(f.u), v = cvRound(f.v);
+  // The distortion is smooth: its displacement at the nearest pixel serves the sub-pixel position.
+  const cv::Point2f ideal = undistort_lut_[static_cast<std::size_t>(v * camera_.width + u)];
+  f.x = ideal.x + (f.u - static_cast<float>(u));
+  f.y = ideal.y + (f.v - static_cast<float>(v));
+  const float z = depth.at<float>(v, u);
+  f.depth = is_valid_depth(z) ? z : 0.0F;
 }
 
 void Tracker::extract(const RgbdFrame& input, Frame& frame) {
@@ -81,21 +106,32 @@ void Tracker::extract(const RgbdFrame& input, Frame& frame) {
   for (std::size_t i = 0; i < keypoints_.size(); ++i) {
     const cv::KeyPoint& k = keypoints_[i];
     Feature& f = frame.features[i];
-    f.u = k.pt.x;
-    f.v = k.pt.y;
     f.octave = k.octave;
     f.angle = k.angle;
-    const int u = cvRound(k.pt.x), v = cvRound(k.pt.y);
-    // The distortion is smooth: its displacement at the nearest pixel serves the sub-pixel position.
-    const cv::Point2f ideal = undistort_lut_[static_cast<std::size_t>(v * camera_.width + u)];
-    f.x = ideal.x + (k.pt.x - static_cast<float>(u));
-    f.y = ideal.y + (k.pt.y - static_cast<float>(v));
-    const float z = input.depth.at<float>(v, u);
-    f.depth = is_valid_depth(z) ? z : 0.0F;
+    f.sigma = extractor_.scale(k.octave);
+    place(f, Eigen::Vector2d(k.pt.x, k.pt.y), input.depth);
   }
   frame.point.assign(frame.features.size(), -1);
   frame.dynamic.assign(frame.features.size(), 0);
   frame.grid.build(frame.features, camera_.width, camera_.height);
+  corners_ = frame.features.size();
+}
+
+void Tracker::drop_unmatched(Frame& frame) const {
+  // Features that stand for a point only, without a corner of their own, mean nothing once it is lost.
+  std::size_t kept = corners_;
+  for (std::size_t i = corners_; i < frame.features.size(); ++i) {
+    if (frame.point[i] < 0) continue;
+    frame.features[kept] = frame.features[i];
+    frame.descriptors[kept] = frame.descriptors[i];
+    frame.point[kept] = frame.point[i];
+    frame.dynamic[kept] = frame.dynamic[i];
+    ++kept;
+  }
+  frame.features.resize(kept);
+  frame.descriptors.resize(kept);
+  frame.point.resize(kept);
+  frame.dynamic.resize(kept);
 }
 
 void Tracker::flag_dynamic(Frame& frame, const cv::Mat& mask) const {
@@ -147,6 +183,7 @@ bool Tracker::find_best(const Frame& frame, const Descriptor& descriptor, float 
 int Tracker::match_last(Frame& frame, const SE3<double>& T_c_w, float radius) {
   const auto& pinhole = camera_.model.pinhole();
   std::fill(frame.point.begin(), frame.point.end(), -1);
+  drop_unmatched(frame);
   match_distance_.assign(frame.features.size(), 257);
   int matches = 0;
   for (std::size_t i = 0; i < last_.features.size(); ++i) {
@@ -158,7 +195,8 @@ int Tracker::match_last(Frame& frame, const SE3<double>& T_c_w, float radius) {
     const Feature& f = last_.features[i];
     int best = -1, distance = 0;
     if (!find_best(frame, last_.descriptors[i], static_cast<float>(x->x()), static_cast<float>(x->y()),
-                   radius * extractor_.scale(f.octave), f.octave - 1, f.octave + 1, kMatchFar, 0.9F, best, distance)) {
+                   radius * extractor_.scale(f.octave), f.octave - 1, f.octave + 1, kMatchFar, 0.9F, best,
+                   distance)) {
       continue;
     }
     const auto b = static_cast<std::size_t>(best);
@@ -170,16 +208,62 @@ int Tracker::match_last(Frame& frame, const SE3<double>& T_c_w, float radius) {
   return matches;
 }
 
-int Tracker::match_local(Frame& frame, const SE3<double>& T_c_w) {
+void Tracker::move(Feature& f, const PatchMatch& match, const cv::Mat& depth) const {
+  f.octave = match.level;
+  f.sigma = static_cast<float>(options_.patch_sigma) * extractor_.scale(match.level);
+  place(f, match.x, depth);
+}
+
+void Tracker::refine_matches(Frame& frame, const SE3<double>& T_c_w, const cv::Mat& depth) const {
+  PatchMatch match;
+  for (std::size_t i = 0; i < frame.point.size(); ++i) {
+    if (frame.point[i] < 0) continue;
+    Feature& f = frame.features[i];
+    if (align(map_.points()[static_cast<std::size_t>(frame.point[i])], T_c_w, Eigen::Vector2d(f.u, f.v),
+              match))
+      move(f, match, depth);
+  }
+}
+
+void Tracker::keep_consistent(Frame& frame, const SE3<double>& T_c_w, double bound) {
+  Eigen::Vector3d r;
+  for (std::size_t k = 0; k < observations_.size(); ++k) {
+    const PoseObservation<double>& o = observations_[k];
+    const bool visible = pose_residual<double>(camera_.model.pinhole(), T_c_w, o, r, nullptr);
+    if (visible && o.inv_sigma_px2 * r.head<2>().squaredNorm() + o.inv_sigma_z2 * r.z() * r.z() < bound)
+      continue;
+    frame.point[static_cast<std::size_t>(observation_feature_[k])] = -1;
+  }
+}
+
+bool Tracker::align(const MapPoint& p, const SE3<double>& T_c_w, const Eigen::Vector2d& start,
+                    PatchMatch& out) const {
+  if (p.patch.level < 0) return false;
+  // The patch is taken for a plane that faced the camera which cut it.
+  const auto& pinhole = camera_.model.pinhole();
+  const Eigen::Vector3d p_c = T_c_w * p.p_w;
+  const SE3<double>& T_ref_w = map_.keyframes()[static_cast<std::size_t>(p.patch.keyframe)].frame.T_c_w;
+  const Eigen::Matrix3d R = (T_c_w.so3() * T_ref_w.so3().inverse()).matrix();
+  Pinhole<double>::Jacobian J;
+  if (!pinhole.project(p_c, &J)) return false;
+  const auto z = static_cast<double>(p.patch.depth);
+  Eigen::Matrix<double, 3, 2> plane;
+  plane.col(0) = R.col(0) * (z / pinhole.fx());
+  plane.col(1) = R.col(1) * (z / pinhole.fy());
+  return PatchMatcher::match(extractor_.pyramid(), p.patch, J * plane, start, out);
+}
+
+int Tracker::match_local(Frame& frame, const SE3<double>& T_c_w, const cv::Mat& depth) {
   const auto& pinhole = camera_.model.pinhole();
   const Eigen::Vector3d centre = T_c_w.inverse().translation();
   map_.local_points(frame, options_.local_keyframes, candidates_);
   match_distance_.assign(frame.features.size(), 257);
-  std::vector<std::uint8_t> taken(map_.points().size(), 0);
+  holder_.resize(map_.points().size());
+  std::fill(holder_.begin(), holder_.end(), -1);
   for (std::size_t i = 0; i < frame.point.size(); ++i) {
     if (frame.point[i] < 0) continue;
     MapPoint& p = map_.point(frame.point[i]);
-    taken[static_cast<std::size_t>(frame.point[i])] = 1;
+    holder_[static_cast<std::size_t>(frame.point[i])] = static_cast<int>(i);
     match_distance_[i] = -1;  // matched already: not to be replaced
     ++p.visible;
     ++p.found;
@@ -187,7 +271,7 @@ int Tracker::match_local(Frame& frame, const SE3<double>& T_c_w) {
   int matches = 0;
   const float log_factor = std::log(extractor_.scale_factor());
   for (const int id : candidates_) {
-    if (taken[static_cast<std::size_t>(id)] != 0) continue;
+    const int held = holder_[static_cast<std::size_t>(id)];
     MapPoint& p = map_.point(id);
     const Eigen::Vector3d p_c = T_c_w * p.p_w;
     const auto x = pinhole.project(p_c);
@@ -196,14 +280,53 @@ int Tracker::match_local(Frame& frame, const SE3<double>& T_c_w) {
     const double distance_m = ray.norm();
     const double cosine = ray.dot(p.viewing) / (distance_m * std::max(1e-9, p.viewing.norm()));
     if (cosine < 0.5) continue;
+    if (held < 0) ++p.visible;
+
+    // Its patch says where it is to a fraction of a pixel.
+    PatchMatch match;
+    const auto expected = camera_.model.project(p_c);
+    if (expected && align(p, T_c_w, *expected, match)) {
+      Feature f;
+      move(f, match, depth);
+      if (f.x < 0 || f.y < 0 || f.x >= static_cast<float>(camera_.width) ||
+          f.y >= static_cast<float>(camera_.height))
+        continue;
+      if (held >= 0) {
+        Feature& own = frame.features[static_cast<std::size_t>(held)];
+        f.angle = own.angle;
+        own = f;
+        continue;
+      }
+      // A corner that was found right there is the same thing; without one the point stands by itself.
+      int best = -1, distance = 0;
+      if (find_best(frame, p.descriptor, f.x, f.y, 2.0F * extractor_.scale(match.level), match.level - 2,
+                    match.level + 2, kMatchFar, 1.0F, best, distance) &&
+          frame.point[static_cast<std::size_t>(best)] < 0) {
+        f.angle = frame.features[static_cast<std::size_t>(best)].angle;
+        frame.features[static_cast<std::size_t>(best)] = f;
+        frame.point[static_cast<std::size_t>(best)] = id;
+        match_distance_[static_cast<std::size_t>(best)] = -1;
+      } else {
+        frame.features.push_back(f);
+        frame.descriptors.push_back(p.descriptor);
+        frame.point.push_back(id);
+        frame.dynamic.push_back(0);
+        match_distance_.push_back(-1);
+      }
+      ++p.found;
+      ++matches;
+      continue;
+    }
+    if (held >= 0) continue;
+
     const float ratio = p.reference_distance / static_cast<float>(distance_m);
-    const int octave = std::clamp(
-        p.reference_octave + static_cast<int>(std::lround(std::log(ratio) / log_factor)), 0, extractor_.levels() - 1);
-    ++p.visible;
+    const int octave =
+        std::clamp(p.reference_octave + static_cast<int>(std::lround(std::log(ratio) / log_factor)), 0,
+                   extractor_.levels() - 1);
     int best = -1, distance = 0;
     const float radius = (cosine > 0.998 ? 2.5F : 4.0F) * 1.5F * extractor_.scale(octave);
-    if (!find_best(frame, p.descriptor, static_cast<float>(x->x()), static_cast<float>(x->y()), radius, octave - 1,
-                   octave + 1, kMatchFar, 0.8F, best, distance)) {
+    if (!find_best(frame, p.descriptor, static_cast<float>(x->x()), static_cast<float>(x->y()), radius,
+                   octave - 1, octave + 1, kMatchFar, 0.8F, best, distance)) {
       continue;
     }
     const auto b = static_cast<std::size_t>(best);
@@ -220,26 +343,32 @@ int Tracker::match_local(Frame& frame, const SE3<double>& T_c_w) {
   return matches;
 }
 
-PoseResult<double> Tracker::optimise(Frame& frame, const SE3<double>& start, bool drop_outliers) {
+void Tracker::gather(const Frame& frame) {
   observations_.clear();
   observation_feature_.clear();
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
     if (frame.point[i] < 0 || frame.dynamic[i] != 0) continue;
     const Feature& f = frame.features[i];
-    const double scale = static_cast<double>(extractor_.scale(f.octave));
+    const auto sigma = static_cast<double>(f.sigma);
     PoseObservation<double> o;
     o.p_w = map_.point(frame.point[i]).p_w;
     o.x = Eigen::Vector2d(f.x, f.y);
     o.depth = static_cast<double>(f.depth);
-    o.inv_sigma_px2 = 1.0 / (scale * scale);
+    o.inv_sigma_px2 = 1.0 / (sigma * sigma);
     o.inv_sigma_z2 = f.depth > 0 ? depth_information(o.depth) : 0.0;
     observations_.push_back(o);
     observation_feature_.push_back(static_cast<int>(i));
   }
+}
+
+PoseResult<double> Tracker::optimise(Frame& frame, const SE3<double>& start, bool drop_outliers) {
+  gather(frame);
   PoseOptions<double> options;
+  options.min_pixel_scale = options_.min_pixel_scale;
   const TDistribution<double> kernel{options_.nu};
-  PoseResult<double> result = optimize_pose(camera_.model.pinhole(), std::span<const PoseObservation<double>>(observations_),
-                                            start, options, kernel, workspace_);
+  PoseResult<double> result =
+      optimize_pose(camera_.model.pinhole(), std::span<const PoseObservation<double>>(observations_), start,
+                    options, kernel, workspace_);
   if (drop_outliers) {
     for (std::size_t k = 0; k < observations_.size(); ++k) {
       if (workspace_.inlier[k] == 0) frame.point[static_cast<std::size_t>(observation_feature_[k])] = -1;
@@ -248,11 +377,11 @@ PoseResult<double> Tracker::optimise(Frame& frame, const SE3<double>& start, boo
   return result;
 }
 
-bool Tracker::relocalise(Frame& frame, SE3<double>& T_c_w) {
+bool Tracker::relocalise(Frame& frame, const cv::Mat& depth, SE3<double>& T_c_w) {
   const auto& keyframes = map_.keyframes();
   constexpr std::size_t kTried = 15;
-  cv::Matx33d K(camera_.model.pinhole().fx(), 0, camera_.model.pinhole().cx(), 0, camera_.model.pinhole().fy(),
-                camera_.model.pinhole().cy(), 0, 0, 1);
+  cv::Matx33d K(camera_.model.pinhole().fx(), 0, camera_.model.pinhole().cx(), 0,
+                camera_.model.pinhole().fy(), camera_.model.pinhole().cy(), 0, 0, 1);
   const std::size_t step = std::max<std::size_t>(1, keyframes.size() / kTried);
   for (std::size_t back = 0; back < keyframes.size(); back += back < 5 ? 1 : step) {
     const Frame& kf = keyframes[keyframes.size() - 1 - back].frame;
@@ -284,7 +413,8 @@ bool Tracker::relocalise(Frame& frame, SE3<double>& T_c_w) {
     if (object.size() < 15) continue;
     cv::Vec3d rvec, tvec;
     std::vector<int> inliers;
-    if (!cv::solvePnPRansac(object, image, K, cv::noArray(), rvec, tvec, false, 200, 4.0F, 0.99, inliers, cv::SOLVEPNP_EPNP) ||
+    if (!cv::solvePnPRansac(object, image, K, cv::noArray(), rvec, tvec, false, 200, 4.0F, 0.99, inliers,
+                            cv::SOLVEPNP_EPNP) ||
         inliers.size() < 12) {
       continue;
     }
@@ -294,9 +424,12 @@ bool Tracker::relocalise(Frame& frame, SE3<double>& T_c_w) {
     cv::cv2eigen(cv::Mat(R), rotation);
     const SE3<double> guess(Eigen::Quaterniond(rotation), Eigen::Vector3d(tvec[0], tvec[1], tvec[2]));
     std::fill(frame.point.begin(), frame.point.end(), -1);
-    for (const int k : inliers) frame.point[static_cast<std::size_t>(pairs[static_cast<std::size_t>(k)].first)] = pairs[static_cast<std::size_t>(k)].second;
+    drop_unmatched(frame);
+    for (const int k : inliers)
+      frame.point[static_cast<std::size_t>(pairs[static_cast<std::size_t>(k)].first)] =
+          pairs[static_cast<std::size_t>(k)].second;
     PoseResult<double> result = optimise(frame, guess, true);
-    match_local(frame, result.T_c_w);
+    match_local(frame, result.T_c_w, depth);
     result = optimise(frame, result.T_c_w, true);
     if (result.inliers >= 2 * options_.min_inliers) {
       T_c_w = result.T_c_w;
@@ -325,7 +458,8 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
       result.state = TrackingState::tracked;
       result.keyframe = true;
       result.inliers = last_keyframe_tracked_;
-      if (uses_geometry(options_.dynamics)) geometry_.remember(input.depth, frame.T_c_w, result.dynamic_mask, false);
+      if (uses_geometry(options_.dynamics))
+        geometry_.remember(input.depth, frame.T_c_w, result.dynamic_mask, false);
       last_ = std::move(frame);
     }
     time_of(result.times, Stage::keyframe) = watch.lap_ms();
@@ -341,7 +475,16 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
     const SE3<double> predicted = velocity_ * last_.T_c_w;
     for (const float radius : {12.0F, 30.0F}) {
       if (match_last(frame, predicted, radius) < options_.min_inliers) continue;
-      const PoseResult<double> pose = optimise(frame, predicted, true);
+      refine_matches(frame, predicted, input.depth);
+      gather(frame);
+      PoseConsensusOptions<double> consensus;
+      consensus.seed = options_.seed + frame.index;
+      const SE3<double> start =
+          pose_consensus<double>(camera_.model.pinhole(), observations_, predicted,
+                                 std::span<const SE3<double>>(&last_.T_c_w, 1), consensus)
+              .T_c_w;
+      keep_consistent(frame, start, consensus.truncation);
+      const PoseResult<double> pose = optimise(frame, start, true);
       T_c_w = pose.T_c_w;
       ok = pose.inliers >= options_.min_inliers;
       if (ok) break;
@@ -349,7 +492,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   }
   time_of(result.times, Stage::initial_pose) = watch.lap_ms();
   if (ok) {
-    match_local(frame, T_c_w);
+    match_local(frame, T_c_w, input.depth);
     const PoseResult<double> pose = optimise(frame, T_c_w, true);
     ok = pose.inliers >= options_.min_inliers;
     T_c_w = pose.T_c_w;
@@ -357,7 +500,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   }
   result.state = TrackingState::tracked;
   if (!ok) {
-    ok = relocalise(frame, T_c_w);
+    ok = relocalise(frame, input.depth, T_c_w);
     result.state = ok ? TrackingState::relocalised : TrackingState::lost;
   }
   time_of(result.times, Stage::local_map) = watch.lap_ms();
@@ -382,7 +525,8 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
     cv::dilate(result.dynamic_mask, margin, cv::getStructuringElement(cv::MORPH_RECT, {size, size}));
     flag_dynamic(frame, margin);
     int left = 0;
-    for (std::size_t i = 0; i < frame.point.size(); ++i) left += frame.point[i] >= 0 && frame.dynamic[i] == 0 ? 1 : 0;
+    for (std::size_t i = 0; i < frame.point.size(); ++i)
+      left += frame.point[i] >= 0 && frame.dynamic[i] == 0 ? 1 : 0;
     result.mask_rejected = left < options_.min_inliers;
     if (!result.mask_rejected) {
       const PoseResult<double> pose = optimise(frame, T_c_w, true);
@@ -400,6 +544,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
     }
   }
   frame.T_c_w = T_c_w;
+  drop_unmatched(frame);
   for (const int p : frame.point) result.matches += p >= 0 ? 1 : 0;
   time_of(result.times, Stage::pose) = watch.lap_ms();
 
@@ -422,9 +567,31 @@ bool Tracker::wants_keyframe(const Frame& frame, int inliers) const {
   if (inliers < options_.keyframe_urgent) return true;  // the map in view runs out
   if (gap < options_.keyframe_min_gap) return false;
   if (gap >= options_.keyframe_max_gap) return true;
-  if (static_cast<double>(inliers) < options_.keyframe_ratio * static_cast<double>(last_keyframe_tracked_)) return true;
+  if (static_cast<double>(inliers) < options_.keyframe_ratio * static_cast<double>(last_keyframe_tracked_))
+    return true;
   const SE3<double> T = frame.T_c_w * map_.keyframes().back().frame.T_c_w.inverse();
-  return T.translation().norm() > options_.keyframe_translation || T.so3().log().norm() > options_.keyframe_rotation;
+  return T.translation().norm() > options_.keyframe_translation ||
+         T.so3().log().norm() > options_.keyframe_rotation;
+}
+
+bool Tracker::needs_patch(const MapPoint& p, const Frame& frame) const {
+  if (p.patch.level < 0) return true;
+  // Seen from elsewhere it looks different: a third nearer or farther, or 20 degrees around.
+  const SE3<double>& T_ref_w = map_.keyframes()[static_cast<std::size_t>(p.patch.keyframe)].frame.T_c_w;
+  const Eigen::Vector3d before = p.p_w - T_ref_w.inverse().translation(),
+                        now = p.p_w - frame.T_c_w.inverse().translation();
+  const double ratio = now.norm() / before.norm();
+  if (ratio < 0.75 || ratio > 1.33 || now.dot(before) < 0.94 * now.norm() * before.norm()) return true;
+  return (T_ref_w.so3() * frame.T_c_w.so3().inverse()).log().norm() > 0.35;
+}
+
+void Tracker::cut_patch(MapPoint& p, const Feature& f) const {
+  PointPatch patch = PatchMatcher::cut(extractor_.pyramid(), Eigen::Vector2d(f.u, f.v), f.octave);
+  if (patch.level < 0) return;
+  patch.keyframe = static_cast<int>(map_.keyframes().size());  // the one being made
+  patch.ideal = Eigen::Vector2f(f.x, f.y);
+  patch.depth = f.depth;
+  p.patch = patch;
 }
 
 void Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
@@ -440,6 +607,18 @@ void Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
     }
     if (known < options_.enough_known) trusted.assign(frame.features.size(), 1);
   }
+  // New points go where there are none: a second one beside a tracked point tells nothing new.
+  constexpr float kSpacing = 6.0F;
+  const int columns = static_cast<int>(static_cast<float>(camera_.width) / kSpacing) + 1;
+  const int rows = static_cast<int>(static_cast<float>(camera_.height) / kSpacing) + 1;
+  occupied_.assign(static_cast<std::size_t>(columns * rows), 0);
+  const auto cell_of = [&](const Feature& f) {
+    return static_cast<std::size_t>(static_cast<int>(f.v / kSpacing) * columns +
+                                    static_cast<int>(f.u / kSpacing));
+  };
+  for (std::size_t i = 0; i < frame.features.size(); ++i) {
+    if (frame.point[i] >= 0 && frame.dynamic[i] == 0) occupied_[cell_of(frame.features[i])] = 1;
+  }
   int tracked = 0;
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
     const Feature& f = frame.features[i];
@@ -451,12 +630,15 @@ void Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
       p.viewing += (p.p_w - centre).normalized();
       if (has_depth) {  // information-weighted mean of what the keyframes measured
         const double information = depth_information(static_cast<double>(f.depth));
-        p.p_w = (p.information * p.p_w + information * point_of(frame, static_cast<int>(i))) / (p.information + information);
+        p.p_w = (p.information * p.p_w + information * point_of(frame, static_cast<int>(i))) /
+                (p.information + information);
         p.information += information;
       }
+      if (has_depth && needs_patch(p, frame)) cut_patch(p, f);
       continue;
     }
-    if (!has_depth || trusted[i] == 0) continue;
+    if (!has_depth || trusted[i] == 0 || occupied_[cell_of(f)] != 0) continue;
+    occupied_[cell_of(f)] = 1;
     MapPoint p;
     p.p_w = point_of(frame, static_cast<int>(i));
     p.viewing = (p.p_w - centre).normalized();
@@ -465,14 +647,17 @@ void Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
     p.reference_distance = static_cast<float>((p.p_w - centre).norm());
     p.reference_octave = f.octave;
     p.visible = p.found = 1;
+    cut_patch(p, f);
     frame.point[i] = map_.add_point(std::move(p));
     ++tracked;
   }
+  frame.grid.build(frame.features, camera_.width, camera_.height);
   const int id = map_.add_keyframe(frame);
   map_.cull();
   last_keyframe_index_ = frame.index;
   last_keyframe_tracked_ = tracked;
-  if (uses_geometry(options_.dynamics) && (!geometry_.has_reference() || id - reference_id_ > options_.reference_distance)) {
+  if (uses_geometry(options_.dynamics) &&
+      (!geometry_.has_reference() || id - reference_id_ > options_.reference_distance)) {
     geometry_.set_reference(frame, input.gray);
     reference_id_ = id;
   }

@@ -23,7 +23,8 @@ SE3d true_pose() {
 
 /// Points in front of the true camera; the first `outliers` of them moved after the map was made.
 template <class S>
-std::vector<PoseObservation<S>> observe(test::Rng& rng, int n, int outliers, double pixel_noise, double depth_noise) {
+std::vector<PoseObservation<S>> observe(test::Rng& rng, int n, int outliers, double pixel_noise,
+                                        double depth_noise) {
   std::vector<PoseObservation<S>> all;
   const SE3d T = true_pose();
   for (int i = 0; i < n; ++i) {
@@ -32,7 +33,8 @@ std::vector<PoseObservation<S>> observe(test::Rng& rng, int n, int outliers, dou
     Eigen::Vector3d p_c = kCamera.unproject(x, z);
     PoseObservation<S> o;
     o.p_w = (T.inverse() * p_c).cast<S>();
-    if (i < outliers) p_c += Eigen::Vector3d(rng.uniform(0.2, 0.6), rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2));
+    if (i < outliers)
+      p_c += Eigen::Vector3d(rng.uniform(0.2, 0.6), rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2));
     o.x = (*kCamera.project(p_c) + pixel_noise * Eigen::Vector2d(rng.normal(), rng.normal())).cast<S>();
     o.depth = static_cast<S>(p_c.z() + depth_noise * rng.normal());
     o.inv_sigma_px2 = static_cast<S>(1 / std::max(1e-4, pixel_noise * pixel_noise));
@@ -60,7 +62,8 @@ TEST_CASE("the residual's Jacobian equals central differences on the manifold; a
       REQUIRE(pose_residual<double>(kCamera, SE3d::exp(delta) * true_pose(), o, value, nullptr));
       return value;
     };
-    const Eigen::Matrix<double, 3, 6> numeric = test::central_differences<3, 6>(f, Eigen::Matrix<double, 6, 1>::Zero().eval());
+    const Eigen::Matrix<double, 3, 6> numeric =
+        test::central_differences<3, 6>(f, Eigen::Matrix<double, 6, 1>::Zero().eval());
     CHECK(test::relative_error(J, numeric) < 1e-6);
     J(1, 3) = -J(1, 3);
     CHECK(test::relative_error(J, numeric) > 1e-2);
@@ -71,7 +74,8 @@ TEST_CASE_TEMPLATE("the pose is recovered exactly from exact data, far from the 
   test::Rng rng("exact pose");
   const auto observations = observe<S>(rng, 200, 0, 0.0, 0.0);
   PoseWorkspace<S> workspace;
-  const auto result = optimize_pose<S>(kCamera.cast<S>(), observations, SE3<S>(), PoseOptions<S>{5, 20}, TDistribution<S>(S(5)), workspace);
+  const auto result = optimize_pose<S>(kCamera.cast<S>(), observations, SE3<S>(), PoseOptions<S>{5, 20},
+                                       TDistribution<S>(S(5)), workspace);
   CHECK(result.ok());
   CHECK(result.inliers == 200);
   CHECK(error(result.T_c_w) < (std::is_same_v<S, float> ? 1e-4 : 1e-8));
@@ -81,12 +85,16 @@ TEST_CASE("40 % of moved points neither bend the pose nor pass for inliers") {
   test::Rng rng("pose outliers");
   const auto observations = observe<double>(rng, 500, 200, 0.7, 0.01);
   PoseWorkspace<double> workspace;
-  const SE3d start = SE3d::exp((Eigen::Matrix<double, 6, 1>() << 0.05, 0.02, -0.03, 0.02, 0.01, -0.02).finished()) * true_pose();
-  const auto result = optimize_pose<double>(kCamera, observations, start, {}, TDistribution<double>(5.0), workspace);
+  const SE3d start =
+      SE3d::exp((Eigen::Matrix<double, 6, 1>() << 0.05, 0.02, -0.03, 0.02, 0.01, -0.02).finished()) *
+      true_pose();
+  const auto result =
+      optimize_pose<double>(kCamera, observations, start, {}, TDistribution<double>(5.0), workspace);
   CHECK(result.ok());
   CHECK(error(result.T_c_w) < 2e-3);
   int accepted = 0, rejected = 0;
-  for (std::size_t i = 0; i < 500; ++i) (i < 200 ? accepted : rejected) += (i < 200) == (workspace.inlier[i] != 0) ? 1 : 0;
+  for (std::size_t i = 0; i < 500; ++i)
+    (i < 200 ? accepted : rejected) += (i < 200) == (workspace.inlier[i] != 0) ? 1 : 0;
   CHECK(accepted == 0);
   CHECK(rejected < 45);  // 5 % by chi-square, and some luck
 }
@@ -100,12 +108,14 @@ TEST_CASE("the covariance predicts the scatter of the estimates") {
   options.rounds = 1;
   for (int k = 0; k < kTrials; ++k) {
     const auto observations = observe<double>(rng, 120, 0, 1.0, 0.02);
-    const auto result = optimize_pose<double>(kCamera, observations, true_pose(), options, SquaredLoss<double>{}, workspace);
+    const auto result =
+        optimize_pose<double>(kCamera, observations, true_pose(), options, SquaredLoss<double>{}, workspace);
     const Eigen::Matrix<double, 6, 1> e = (result.T_c_w * true_pose().inverse()).log();
     scatter += e * e.transpose() / kTrials;
     predicted += result.covariance / kTrials;
   }
-  for (int i = 0; i < 6; ++i) CHECK(std::sqrt(scatter(i, i)) == doctest::Approx(std::sqrt(predicted(i, i))).epsilon(0.15));
+  for (int i = 0; i < 6; ++i)
+    CHECK(std::sqrt(scatter(i, i)) == doctest::Approx(std::sqrt(predicted(i, i))).epsilon(0.15));
 }
 
 TEST_CASE("depth settles what reprojection leaves open") {
@@ -114,8 +124,10 @@ TEST_CASE("depth settles what reprojection leaves open") {
   PoseWorkspace<double> workspace;
   PoseOptions<double> without;
   without.use_depth = false;
-  const auto a = optimize_pose<double>(kCamera, observations, true_pose(), {}, TDistribution<double>(5.0), workspace);
-  const auto b = optimize_pose<double>(kCamera, observations, true_pose(), without, TDistribution<double>(5.0), workspace);
+  const auto a =
+      optimize_pose<double>(kCamera, observations, true_pose(), {}, TDistribution<double>(5.0), workspace);
+  const auto b = optimize_pose<double>(kCamera, observations, true_pose(), without,
+                                       TDistribution<double>(5.0), workspace);
   CHECK(a.covariance(2, 2) < 0.25 * b.covariance(2, 2));
 }
 
@@ -124,7 +136,8 @@ TEST_CASE("bad input has its own status each") {
   PoseWorkspace<double> workspace;
   auto observations = observe<double>(rng, 30, 0, 1.0, 0.02);
   const TDistribution<double> kernel(5.0);
-  CHECK(optimize_pose<double>(kCamera, std::span(observations).first(3), SE3d(), {}, kernel, workspace).status == PoseStatus::too_few_observations);
+  CHECK(optimize_pose<double>(kCamera, std::span(observations).first(3), SE3d(), {}, kernel, workspace)
+            .status == PoseStatus::too_few_observations);
   std::vector<PoseObservation<double>> same(30, observations[0]);
   for (auto& o : same) o.depth = 0;
   const auto degenerate = optimize_pose<double>(kCamera, same, true_pose(), {}, kernel, workspace);
@@ -134,4 +147,22 @@ TEST_CASE("bad input has its own status each") {
   CHECK_FALSE(optimize_pose<double>(kCamera, observations, turned, {}, kernel, workspace).ok());
   for (auto& o : observations) o.x.x() = std::nan("");
   CHECK_FALSE(optimize_pose<double>(kCamera, observations, true_pose(), {}, kernel, workspace).ok());
+}
+
+TEST_CASE("pixel noise that was stated four times too large is noticed: movers nearby are outliers again") {
+  test::Rng rng("pixel scale");
+  auto observations = observe<double>(rng, 300, 0, 0.25, 0.01);
+  for (auto& o : observations) o.inv_sigma_px2 = 1;  // true: 16
+  for (std::size_t i = 0; i < 60; ++i)
+    observations[i].x += Eigen::Vector2d(1.8, 0);  // within 2.4 px, but no noise
+  PoseWorkspace<double> workspace;
+  PoseOptions<double> options;
+  const auto trusting =
+      optimize_pose<double>(kCamera, observations, true_pose(), options, TDistribution<double>(5), workspace);
+  options.min_pixel_scale = 0.2;
+  const auto estimating =
+      optimize_pose<double>(kCamera, observations, true_pose(), options, TDistribution<double>(5), workspace);
+  CHECK(estimating.inliers < 250);
+  CHECK(trusting.inliers > 280);
+  CHECK(error(estimating.T_c_w) < 0.5 * error(trusting.T_c_w));
 }

@@ -23,8 +23,16 @@ concept DepthImage = ImageLike<I> && std::floating_point<typename I::Pixel>;
 template <class I>
 concept LabelImage = ImageLike<I> && std::integral<typename I::Pixel>;
 
+/// An image that gives its rows as contiguous pixels.
+template <class I>
+concept RowImage = ImageLike<I> && requires(const I& image, int v) {
+  { image.row(v) } -> std::convertible_to<const typename I::Pixel*>;
+};
+
 /// An image whose pixels can be assigned.
 template <class I>
-concept MutableImage = ImageLike<I> && requires(I& image, int u, int v, typename I::Pixel p) { image(u, v) = p; };
+concept MutableImage = ImageLike<I> && requires(I& image, int u, int v, typename I::Pixel p) {
+  image(u, v) = p;
+};
 
 }  // namespace dynslam

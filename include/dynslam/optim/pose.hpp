@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -21,41 +22,46 @@ namespace dynslam {
 /// A known point seen at a pixel, with a measured depth where there is one.
 template <Scalar S>
 struct PoseObservation {
-  Eigen::Matrix<S, 3, 1> p_w;   ///< world [m]
-  Eigen::Matrix<S, 2, 1> x;     ///< ideal (undistorted) pixel
-  S depth = S(0);               ///< along the optical axis [m]; invalid: reprojection only
-  S inv_sigma_px2 = S(1);       ///< 1 / variance of each pixel coordinate [1/px^2]
-  S inv_sigma_z2 = S(0);        ///< 1 / variance of the depth [1/m^2]
+  Eigen::Matrix<S, 3, 1> p_w;  ///< world [m]
+  Eigen::Matrix<S, 2, 1> x;    ///< ideal (undistorted) pixel
+  S depth = S(0);              ///< along the optical axis [m]; invalid: reprojection only
+  S inv_sigma_px2 = S(1);      ///< 1 / variance of each pixel coordinate [1/px^2]
+  S inv_sigma_z2 = S(0);       ///< 1 / variance of the depth [1/m^2]
 };
 
 template <Scalar S>
 struct PoseOptions {
-  int rounds = 3;               ///< optimisations, each followed by a new choice of inliers
-  int max_iterations = 8;       ///< accepted or refused steps per round
+  int rounds = 3;          ///< optimisations, each followed by a new choice of inliers
+  int max_iterations = 8;  ///< accepted or refused steps per round
   bool use_depth = true;
   S inlier_chi2_2d = S(5.991);  ///< 95 % of chi-square with 2 degrees of freedom
   S inlier_chi2_3d = S(7.815);  ///< and with 3
   int min_observations = 6;
-  S tolerance = S(1e-6);        ///< norm of the step that ends a round
+  S min_pixel_scale = S(1);  ///< below 1: pixel noise is estimated before each round as a factor of what the
+                             ///< observations state, between this and 1, and used in its place
+  S tolerance = S(1e-6);     ///< norm of the step that ends a round
 };
 
 enum class PoseStatus : std::uint8_t {
   converged,
-  max_iterations,         ///< the last round still moved when its iterations ended; the pose is usable
-  too_few_observations,   ///< fewer observations or inliers than min_observations; pose = last good one
-  degenerate,             ///< the observations do not determine the pose
-  diverged                ///< non-finite input or no point in front of the camera
+  max_iterations,        ///< the last round still moved when its iterations ended; the pose is usable
+  too_few_observations,  ///< fewer observations or inliers than min_observations; pose = last good one
+  degenerate,            ///< the observations do not determine the pose
+  diverged               ///< non-finite input or no point in front of the camera
 };
 
 template <Scalar S>
 struct PoseResult {
   SE3<S> T_c_w;
-  Eigen::Matrix<S, 6, 6> covariance = Eigen::Matrix<S, 6, 6>::Zero();  ///< of the left increment; zero on failure
+  Eigen::Matrix<S, 6, 6> covariance =
+      Eigen::Matrix<S, 6, 6>::Zero();  ///< of the left increment; zero on failure
   int inliers = 0;
   PoseStatus status = PoseStatus::too_few_observations;
   int iterations = 0;
   S cost = S(0);  ///< sum of rho over the inliers
-  [[nodiscard]] bool ok() const { return status == PoseStatus::converged || status == PoseStatus::max_iterations; }
+  [[nodiscard]] bool ok() const {
+    return status == PoseStatus::converged || status == PoseStatus::max_iterations;
+  }
 };
 
 /// Memory and per-observation output of optimize_pose; keep it between calls to avoid allocation.
@@ -63,6 +69,7 @@ template <Scalar S>
 struct PoseWorkspace {
   std::vector<std::uint8_t> inlier;  ///< out: 1 = within the chi-square bound at the result
   std::vector<S> weight;             ///< out: robust weight at the result
+  std::vector<S> scratch;
 };
 
 /// Residual [u - x_u, v - x_v, p_z - depth] of a camera-frame point and its derivative with respect
@@ -78,7 +85,8 @@ template <Scalar S>
   r << x->x() - o.x.x(), x->y() - o.x.y(), p.z() - o.depth;
   if (J != nullptr) {  // d p / d delta = [I, -hat(p)]
     Eigen::Matrix<S, 3, 6> dp;
-    dp << S(1), S(0), S(0), S(0), p.z(), -p.y(), S(0), S(1), S(0), -p.z(), S(0), p.x(), S(0), S(0), S(1), p.y(), -p.x(), S(0);
+    dp << S(1), S(0), S(0), S(0), p.z(), -p.y(), S(0), S(1), S(0), -p.z(), S(0), p.x(), S(0), S(0), S(1),
+        p.y(), -p.x(), S(0);
     J->template topRows<2>().noalias() = dx * dp;
     J->row(2) = dp.row(2);
   }
@@ -100,8 +108,9 @@ PoseResult<S> optimize_pose(const Pinhole<S>& camera, std::span<const PoseObserv
   workspace.weight.assign(n, S(0));
   if (n < static_cast<std::size_t>(options.min_observations)) return result;
 
+  S pixel_information = S(1);  // factor on the stated one
   const auto chi2 = [&](const PoseObservation<S>& o, const Eigen::Matrix<S, 3, 1>& r, bool depth) {
-    const S pixel = o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y());
+    const S pixel = pixel_information * o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y());
     return depth ? pixel + o.inv_sigma_z2 * r.z() * r.z() : pixel;
   };
   const auto has_depth = [&](const PoseObservation<S>& o) {
@@ -113,20 +122,39 @@ PoseResult<S> optimize_pose(const Pinhole<S>& camera, std::span<const PoseObserv
     Eigen::Matrix<S, 3, 1> r;
     for (std::size_t i = 0; i < n; ++i) {
       if (workspace.inlier[i] == 0) continue;
-      if (!pose_residual<S>(camera, T, observations[i], r, nullptr)) return std::numeric_limits<S>::infinity();
+      if (!pose_residual<S>(camera, T, observations[i], r, nullptr))
+        return std::numeric_limits<S>::infinity();
       sum += kernel.rho(chi2(observations[i], r, has_depth(observations[i])));
     }
     return sum;
   };
 
+  // Half of true matches lie below the median of chi-square with 2 degrees of freedom.
+  const auto estimate_pixel_information = [&](const SE3<S>& T) {
+    workspace.scratch.clear();
+    Eigen::Matrix<S, 3, 1> r;
+    for (std::size_t i = 0; i < n; ++i) {
+      const PoseObservation<S>& o = observations[i];
+      if (workspace.inlier[i] == 0 || !pose_residual<S>(camera, T, o, r, nullptr)) continue;
+      workspace.scratch.push_back(o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y()));
+    }
+    if (workspace.scratch.empty()) return S(1);
+    const auto middle = workspace.scratch.begin() + static_cast<std::ptrdiff_t>(workspace.scratch.size() / 2);
+    std::nth_element(workspace.scratch.begin(), middle, workspace.scratch.end());
+    constexpr double kMedian = 1.3863;
+    return S(1) / std::clamp(*middle / S(kMedian), options.min_pixel_scale * options.min_pixel_scale, S(1));
+  };
+
   NormalEquations<S, 6> system;
   SE3<S> T = T_c_w_initial;
   for (int round = 0; round < options.rounds; ++round) {
+    if (options.min_pixel_scale < S(1)) pixel_information = estimate_pixel_information(T);
     S lambda = S(1e-4), cost = cost_at(T);
     if (!std::isfinite(cost)) {  // the start puts inliers behind the camera: those cannot be inliers
       Eigen::Matrix<S, 3, 1> r;
       for (std::size_t i = 0; i < n; ++i) {
-        if (!pose_residual<S>(camera, T, observations[i], r, nullptr) || !r.allFinite()) workspace.inlier[i] = 0;
+        if (!pose_residual<S>(camera, T, observations[i], r, nullptr) || !r.allFinite())
+          workspace.inlier[i] = 0;
       }
       cost = cost_at(T);
       if (!std::isfinite(cost)) {
@@ -148,8 +176,9 @@ PoseResult<S> optimize_pose(const Pinhole<S>& camera, std::span<const PoseObserv
           if (!pose_residual(camera, T, o, r, &J)) continue;
           const bool depth = has_depth(o);
           const S weight = kernel.weight(chi2(o, r, depth));
-          system.add_row(J.row(0), r.x(), weight * o.inv_sigma_px2);
-          system.add_row(J.row(1), r.y(), weight * o.inv_sigma_px2);
+          const S pixel_weight = weight * pixel_information * o.inv_sigma_px2;
+          system.add_row(J.row(0), r.x(), pixel_weight);
+          system.add_row(J.row(1), r.y(), pixel_weight);
           if (depth) system.add_row(J.row(2), r.z(), weight * o.inv_sigma_z2);
         }
         linearise = false;

@@ -6,16 +6,17 @@
 #include <vector>
 
 #include "dynslam/runtime/frame.hpp"
+#include "dynslam/runtime/patch_matcher.hpp"
 
 namespace dynslam::runtime {
 
 struct FeatureOptions {
-  int features = 1000;        ///< wanted per image
-  int levels = 8;             ///< pyramid levels
-  float scale_factor = 1.2F;  ///< between levels
-  int fast_threshold = 20;    ///< first FAST threshold (grey values)
-  int fast_threshold_low = 7; ///< second one, for cells where the first finds nothing
-  int cell = 32;              ///< side of a distribution cell in pixels of its level
+  int features = 1000;         ///< wanted per image
+  int levels = 8;              ///< pyramid levels
+  float scale_factor = 1.2F;   ///< between levels
+  int fast_threshold = 20;     ///< first FAST threshold (grey values)
+  int fast_threshold_low = 7;  ///< second one, for cells where the first finds nothing
+  int cell = 32;               ///< side of a distribution cell in pixels of its level
 };
 
 /// FAST corners spread over the image by cells, with OpenCV's ORB descriptors.
@@ -29,12 +30,15 @@ class FeatureExtractor {
 
   /// Fills `keypoints` (level-0 pixels, octave, angle) and one descriptor each; the order is by
   /// octave, then by row-major cell, so it depends on the image alone.
-  void extract(const cv::Mat& gray, std::vector<cv::KeyPoint>& keypoints, std::vector<Descriptor>& descriptors);
+  void extract(const cv::Mat& gray, std::vector<cv::KeyPoint>& keypoints,
+               std::vector<Descriptor>& descriptors);
 
   /// Scale of pyramid level `octave` against level 0.
   [[nodiscard]] float scale(int octave) const { return scales_[static_cast<std::size_t>(octave)]; }
   [[nodiscard]] int levels() const { return options_.levels; }
   [[nodiscard]] float scale_factor() const { return options_.scale_factor; }
+  /// Of the image last extracted from; level 0 shares its memory.
+  [[nodiscard]] const ImagePyramid& pyramid() const { return pyramid_; }
 
  private:
   void detect_level(int level, std::vector<cv::KeyPoint>& keypoints);
@@ -42,7 +46,7 @@ class FeatureExtractor {
   FeatureOptions options_;
   std::vector<float> scales_;
   std::vector<int> wanted_;  // per level
-  std::vector<cv::Mat> pyramid_;
+  ImagePyramid pyramid_;
   std::vector<int> circle_;  // half width of the orientation patch per row
   cv::Ptr<cv::ORB> orb_;
   std::vector<cv::KeyPoint> corners_, cell_corners_;

@@ -30,6 +30,7 @@ struct Feature {
   float depth = 0;  ///< metres along the optical axis; <= 0: none
   float angle = 0;  ///< degrees, intensity-centroid orientation
   int octave = 0;
+  float sigma = 1;  ///< standard deviation of x and y [px]
 };
 
 /// Keypoints bucketed on a regular grid over the image for search by projection.

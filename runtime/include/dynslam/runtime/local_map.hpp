@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "dynslam/runtime/frame.hpp"
+#include "dynslam/runtime/patch_matcher.hpp"
 
 namespace dynslam::runtime {
 
@@ -14,8 +15,9 @@ struct MapPoint {
   Eigen::Vector3d p_w = Eigen::Vector3d::Zero();
   Eigen::Vector3d viewing = Eigen::Vector3d::Zero();  ///< mean unit direction from camera to point
   Descriptor descriptor{};
-  double information = 0;      ///< sum of the inverse depth variances that formed p_w [1/m^2]
-  float reference_distance = 0;///< metres at creation
+  PointPatch patch;
+  double information = 0;        ///< sum of the inverse depth variances that formed p_w [1/m^2]
+  float reference_distance = 0;  ///< metres at creation
   int reference_octave = 0;
   int visible = 0, found = 0;  ///< frames in which it should have been / was matched
   int on_mover = 0;            ///< frames in which its match lay on the dynamic mask

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "dynslam/optim/pose.hpp"
+#include "dynslam/optim/pose_consensus.hpp"
 #include "dynslam/runtime/camera.hpp"
 #include "dynslam/runtime/feature_extractor.hpp"
 #include "dynslam/runtime/frame.hpp"
@@ -24,36 +25,56 @@ enum class DynamicsMode { none, semantic, geometric, both };
 
 [[nodiscard]] std::optional<DynamicsMode> parse_dynamics(std::string_view name);
 [[nodiscard]] std::string_view to_string(DynamicsMode mode);
-[[nodiscard]] constexpr bool uses_semantic(DynamicsMode m) { return m == DynamicsMode::semantic || m == DynamicsMode::both; }
-[[nodiscard]] constexpr bool uses_geometry(DynamicsMode m) { return m == DynamicsMode::geometric || m == DynamicsMode::both; }
+[[nodiscard]] constexpr bool uses_semantic(DynamicsMode m) {
+  return m == DynamicsMode::semantic || m == DynamicsMode::both;
+}
+[[nodiscard]] constexpr bool uses_geometry(DynamicsMode m) {
+  return m == DynamicsMode::geometric || m == DynamicsMode::both;
+}
 
 struct TrackerOptions {
   DynamicsMode dynamics = DynamicsMode::both;
   FeatureOptions features;
   GeometryOptions geometry;
-  double nu = 5.0;                ///< t-distribution of the pose optimisation
-  double depth_noise_base = 0.004;///< metres
-  double depth_noise_quad = 0.008;///< metres at 1 m, growing with z^2: sensor noise, time offset to the colour image
-  double max_point_depth = 5.0;   ///< farther depth makes no map points [m]
-  int min_inliers = 25;           ///< fewer: the pose is not accepted
-  int local_keyframes = 12;       ///< neighbours whose points are searched
-  int semantic_dilation = 9;      ///< pixels added around a-priori masks
-  int feature_margin = 6;         ///< pixels around the fused mask in which features are not used
-  int enough_known = 200;         ///< features on known static surfaces from which on others make no points
-  double keyframe_ratio = 0.6;    ///< of the last keyframe's tracked points
-  int keyframe_max_gap = 30;      ///< frames
-  int keyframe_min_gap = 6;       ///< frames
-  int keyframe_urgent = 100;      ///< inliers below which the gap does not matter
+  double nu = 5.0;                  ///< t-distribution of the pose optimisation
+  double patch_sigma = 0.5;         ///< pixels of its level: accuracy of a match by patch; a corner has 1
+  double min_pixel_scale = 0.4;     ///< how much better than stated the pixel noise may turn out
+  std::uint64_t seed = 1;           ///< of the consensus
+  double depth_noise_base = 0.004;  ///< metres
+  double depth_noise_quad =
+      0.008;  ///< metres at 1 m, growing with z^2: sensor noise, time offset to the colour image
+  double max_point_depth =
+      8.0;                    ///< farther depth makes no map points [m]; noise grows with z^2, weights follow
+  int min_inliers = 25;       ///< fewer: the pose is not accepted
+  int local_keyframes = 12;   ///< neighbours whose points are searched
+  int semantic_dilation = 9;  ///< pixels added around a-priori masks
+  int feature_margin = 6;     ///< pixels around the fused mask in which features are not used
+  int enough_known = 200;     ///< features on known static surfaces from which on others make no points
+  double keyframe_ratio = 0.6;         ///< of the last keyframe's tracked points
+  int keyframe_max_gap = 30;           ///< frames
+  int keyframe_min_gap = 6;            ///< frames
+  int keyframe_urgent = 100;           ///< inliers below which the gap does not matter
   double keyframe_translation = 0.15;  ///< metres
   double keyframe_rotation = 0.20;     ///< radians
-  int reference_distance = 5;     ///< keyframes between the present one and the reference (paper, step 4)
+  int reference_distance = 5;  ///< keyframes between the present one and the reference (paper, step 4)
 };
 
 /// Parts of a frame's work, in the order of the columns of timings.csv.
-enum class Stage { features, initial_pose, local_map, lucas_kanade, residuals, free_space, growing, pose, keyframe, tracking };
+enum class Stage {
+  features,
+  initial_pose,
+  local_map,
+  lucas_kanade,
+  residuals,
+  free_space,
+  growing,
+  pose,
+  keyframe,
+  tracking
+};
 inline constexpr std::array<std::string_view, 10> kStageNames{
-    "features", "initial_pose", "local_map", "lucas_kanade", "residuals",
-    "free_space", "growing", "pose", "keyframe", "tracking"};
+    "features",   "initial_pose", "local_map", "lucas_kanade", "residuals",
+    "free_space", "growing",      "pose",      "keyframe",     "tracking"};
 using StageTimes = std::array<double, kStageNames.size()>;  ///< milliseconds
 
 enum class TrackingState { not_initialised, tracked, relocalised, lost };
@@ -65,7 +86,7 @@ struct TrackResult {
   bool keyframe = false;
   bool mask_rejected = false;  ///< the mask left too few features and was not applied to the pose
   int matches = 0, inliers = 0;
-  cv::Mat dynamic_mask;        ///< CV_8UC1, 255 = dynamic; always of image size
+  cv::Mat dynamic_mask;  ///< CV_8UC1, 255 = dynamic; always of image size
   GeometryStatistics geometry;
   StageTimes times{};
 };
@@ -84,20 +105,37 @@ class Tracker {
 
  private:
   void extract(const RgbdFrame& input, Frame& frame);
+  /// Removes the features that were added for map points which the frame does not match after all.
+  void drop_unmatched(Frame& frame) const;
   void flag_dynamic(Frame& frame, const cv::Mat& mask) const;
   bool initialise(Frame& frame, const RgbdFrame& input);
   int match_last(Frame& frame, const SE3<double>& T_c_w, float radius);
-  int match_local(Frame& frame, const SE3<double>& T_c_w);
+  /// Matches the local map's points, by their patches where these are found, by descriptor otherwise.
+  int match_local(Frame& frame, const SE3<double>& T_c_w, const cv::Mat& depth);
+  /// Finds a point by its patch, near the recorded pixel `start`.
+  [[nodiscard]] bool align(const MapPoint& p, const SE3<double>& T_c_w, const Eigen::Vector2d& start,
+                           PatchMatch& out) const;
+  void move(Feature& f, const PatchMatch& match, const cv::Mat& depth) const;
+  /// Moves matched features to where the patches of their points are.
+  void refine_matches(Frame& frame, const SE3<double>& T_c_w, const cv::Mat& depth) const;
+  /// Drops the matches (of observations_) whose squared normalised error is `bound` or more.
+  void keep_consistent(Frame& frame, const SE3<double>& T_c_w, double bound);
+  /// Puts a feature at a recorded pixel: ideal pixel and depth follow from it.
+  void place(Feature& f, const Eigen::Vector2d& x, const cv::Mat& depth) const;
+  [[nodiscard]] bool needs_patch(const MapPoint& p, const Frame& frame) const;
+  void cut_patch(MapPoint& p, const Feature& f) const;
+  /// Collects the frame's matches outside its dynamic flags into observations_.
+  void gather(const Frame& frame);
   /// Pose from the frame's matches outside its dynamic flags; outliers lose their match.
   PoseResult<double> optimise(Frame& frame, const SE3<double>& start, bool drop_outliers);
-  bool relocalise(Frame& frame, SE3<double>& T_c_w);
+  bool relocalise(Frame& frame, const cv::Mat& depth, SE3<double>& T_c_w);
   [[nodiscard]] bool wants_keyframe(const Frame& frame, int inliers) const;
   void insert_keyframe(Frame& frame, const RgbdFrame& input);
   [[nodiscard]] double depth_information(double z) const;
   [[nodiscard]] Eigen::Vector3d point_of(const Frame& frame, int feature) const;
-  [[nodiscard]] bool find_best(const Frame& frame, const Descriptor& descriptor, float x, float y, float radius,
-                               int octave_low, int octave_high, int max_distance, float ratio, int& best,
-                               int& distance) const;
+  [[nodiscard]] bool find_best(const Frame& frame, const Descriptor& descriptor, float x, float y,
+                               float radius, int octave_low, int octave_high, int max_distance, float ratio,
+                               int& best, int& distance) const;
 
   CameraConfig camera_;
   TrackerOptions options_;
@@ -108,13 +146,15 @@ class Tracker {
   SE3<double> velocity_;  // T_c_last
   bool initialised_ = false;
   int lost_frames_ = 0;
+  std::size_t corners_ = 0;  // features of the present frame that were extracted, not added for points
   int reference_id_ = 0;
   std::size_t last_keyframe_index_ = 0;
   int last_keyframe_tracked_ = 0;
   std::vector<cv::Point2f> undistort_lut_;  // per raw pixel: ideal pixel
   std::vector<cv::KeyPoint> keypoints_;
-  std::vector<int> candidates_, observation_feature_, match_distance_;
+  std::vector<int> candidates_, observation_feature_, match_distance_, holder_;
   std::vector<PoseObservation<double>> observations_;
+  std::vector<std::uint8_t> occupied_;
   PoseWorkspace<double> workspace_;
 };
 

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/patch_matcher.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "dynslam/image/image_view.hpp"
+#include "dynslam/interop/opencv.hpp"
+#include "dynslam/optim/patch_alignment.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+using Template = AlignmentPatch<float, 8>;
+constexpr float kMinGradient = 8.0F;  // smaller eigenvalue of the mean gradient product, grey^2
+
+}  // namespace
+
+PointPatch PatchMatcher::cut(const ImagePyramid& pyramid, const Eigen::Vector2d& x, int level) {
+  PointPatch patch;
+  const cv::Mat& image = pyramid.levels[static_cast<std::size_t>(level)];
+  const Eigen::Vector2d p = pyramid.to_level(x, level);
+  constexpr int kHalf = PointPatch::kSide / 2;
+  const int u = static_cast<int>(std::lround(p.x())), v = static_cast<int>(std::lround(p.y()));
+  if (u < kHalf || v < kHalf || u + kHalf > image.cols || v + kHalf > image.rows) return patch;
+  for (int y = 0; y < PointPatch::kSide; ++y) {
+    const std::uint8_t* row = image.ptr<std::uint8_t>(v - kHalf + y) + (u - kHalf);
+    std::copy(row, row + PointPatch::kSide, patch.grey.begin() + y * PointPatch::kSide);
+  }
+  patch.centre =
+      Eigen::Vector2f(static_cast<float>(kHalf + p.x() - u), static_cast<float>(kHalf + p.y() - v));
+  patch.level = static_cast<std::int16_t>(level);
+  return patch;
+}
+
+bool PatchMatcher::match(const ImagePyramid& pyramid, const PointPatch& patch, const Eigen::Matrix2d& warp,
+                         const Eigen::Vector2d& start, PatchMatch& out) {
+  if (patch.level < 0) return false;
+  const double determinant = warp.determinant();
+  if (!(determinant > 0.1 && determinant < 10)) return false;
+  // The level on which the patch has the size it was cut with.
+  const auto& sizes = pyramid.pixel_size;
+  const double wanted = sizes[static_cast<std::size_t>(patch.level)].x() * std::sqrt(determinant);
+  int level = 0;
+  while (level + 1 < static_cast<int>(sizes.size()) &&
+         sizes[static_cast<std::size_t>(level) + 1].x() < 1.1 * wanted)
+    ++level;
+
+  // Template: the patch as it must look from here.
+  const Eigen::Matrix2f to_patch = (warp.inverse() * (sizes[static_cast<std::size_t>(level)].x() /
+                                                      sizes[static_cast<std::size_t>(patch.level)].x()))
+                                       .cast<float>();
+  std::array<float, static_cast<std::size_t>(Template::kBordered * Template::kBordered)> bordered;
+  constexpr int kOrigin = Template::kSize / 2 + 1;
+  constexpr auto kLimit = static_cast<float>(PointPatch::kSide - 1);
+  for (int y = 0; y < Template::kBordered; ++y) {
+    for (int x = 0; x < Template::kBordered; ++x) {
+      const Eigen::Vector2f p = patch.centre + to_patch * Eigen::Vector2f(static_cast<float>(x - kOrigin),
+                                                                          static_cast<float>(y - kOrigin));
+      if (!(p.x() >= 0 && p.y() >= 0 && p.x() < kLimit && p.y() < kLimit)) return false;
+      const int u = static_cast<int>(p.x()), v = static_cast<int>(p.y());
+      const float a = p.x() - static_cast<float>(u), b = p.y() - static_cast<float>(v);
+      const std::uint8_t* g = patch.grey.data() + v * PointPatch::kSide + u;
+      const float top = static_cast<float>(g[0]) + a * static_cast<float>(g[1] - g[0]);
+      const float bottom = static_cast<float>(g[PointPatch::kSide]) +
+                           a * static_cast<float>(g[PointPatch::kSide + 1] - g[PointPatch::kSide]);
+      bordered[static_cast<std::size_t>(y * Template::kBordered + x)] = top + b * (bottom - top);
+    }
+  }
+  Template reference;
+  if (!reference.set(bordered, kMinGradient)) return false;
+  const auto image = interop::view<const std::uint8_t>(pyramid.levels[static_cast<std::size_t>(level)]);
+  const auto found = reference.align(image, Eigen::Vector2f(pyramid.to_level(start, level).cast<float>()));
+  if (!found.ok) return false;
+  out.x = pyramid.to_base(found.x.cast<double>(), level);
+  out.level = level;
+  out.correlation = found.correlation;
+  return true;
+}
+
+}  // namespace dynslam::runtime
