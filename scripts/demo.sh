@@ -16,7 +16,7 @@ dynslam=build/release/bin/dynslam
 
 out=results/demo
 rm -rf "$out"
-"$dynslam" synth "$out/sequence"
+"$dynslam" synth "$out/sequence" --path xyz --seed 2
 "$dynslam" ablate "$out/sequence" --out "$out"
 
 echo

@@ -21,6 +21,7 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/image/image_view.hpp"
 #include "dynslam/image/sample.hpp"
+#include "dynslam/optim/bundle_adjustment.hpp"
 #include "dynslam/optim/normal_equations.hpp"
 #include "dynslam/optim/patch_alignment.hpp"
 #include "dynslam/optim/pose.hpp"

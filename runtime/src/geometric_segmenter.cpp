@@ -22,8 +22,8 @@ namespace {
 /// Ages, in frames, of the views that the present one is compared with: near ones follow what was
 /// found, far ones show slow motion.
 constexpr std::array<std::size_t, 7> kLags{1, 4, 8, 15, 25, 40, 60};
-constexpr std::size_t kOldLag = 8;     // a mover has left its own volume by then
-constexpr std::size_t kRestLag = 25;    // what has stayed for so long is at rest
+constexpr std::size_t kOldLag = 8;    // a mover has left its own volume by then
+constexpr std::size_t kRestLag = 25;  // what has stayed for so long is at rest
 constexpr std::size_t kMinMatches = 30;
 constexpr std::uint8_t kNeverSeen = 255;
 
@@ -46,10 +46,12 @@ GeometricSegmenter::GeometricSegmenter(const CameraConfig& camera, const Geometr
       ray_[c] = ray.head<2>().cast<float>();
       const Eigen::Vector2d raw = camera_.model.distort_pixel(ideal);
       const int u = static_cast<int>(std::lround(raw.x())), v = static_cast<int>(std::lround(raw.y()));
-      if (u >= 0 && v >= 0 && u < camera_.width && v < camera_.height) pixel_of_cell_[c] = v * camera_.width + u;
+      if (u >= 0 && v >= 0 && u < camera_.width && v < camera_.height)
+        pixel_of_cell_[c] = v * camera_.width + u;
     }
   }
-  cell_of_pixel_.assign(static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height), -1);
+  cell_of_pixel_.assign(static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height),
+                        -1);
   for (int v = 0; v < camera_.height; ++v) {
     for (int u = 0; u < camera_.width; ++u) {
       const auto ideal = camera_.model.undistort_pixel(Eigen::Vector2d(u, v));
@@ -61,7 +63,8 @@ GeometricSegmenter::GeometricSegmenter(const CameraConfig& camera, const Geometr
       }
     }
   }
-  for (auto* image : {&seed_, &barrier_, &mask_, &age_, &smooth_, &zone_, &verified_}) image->resize(width_, height_);
+  for (auto* image : {&seed_, &barrier_, &mask_, &age_, &smooth_, &zone_, &verified_})
+    image->resize(width_, height_);
   depth_.resize(width_, height_);
 }
 
@@ -80,7 +83,8 @@ void GeometricSegmenter::set_reference(const Frame& frame, const cv::Mat& gray) 
   reference_ = Reference();
   reference_.gray = gray;
   reference_.T_c_w = frame.T_c_w;
-  cv::buildOpticalFlowPyramid(gray, reference_.pyramid, {options_.lk_window, options_.lk_window}, options_.lk_levels);
+  cv::buildOpticalFlowPyramid(gray, reference_.pyramid, {options_.lk_window, options_.lk_window},
+                              options_.lk_levels);
   const SE3<double> T_w_c = frame.T_c_w.inverse();
   // All keypoints with depth, static and dynamic alike; thinned evenly where there are too many.
   std::vector<std::size_t> usable;
@@ -95,7 +99,8 @@ void GeometricSegmenter::set_reference(const Frame& frame, const cv::Mat& gray) 
     const Eigen::Vector2d ideal(f.x, f.y);
     reference_.pixels.emplace_back(f.u, f.v);
     reference_.ideal.push_back(ideal);
-    reference_.points_w.push_back(T_w_c * camera_.model.pinhole().unproject(ideal, static_cast<double>(f.depth)));
+    reference_.points_w.push_back(T_w_c *
+                                  camera_.model.pinhole().unproject(ideal, static_cast<double>(f.depth)));
   }
 }
 
@@ -144,7 +149,8 @@ void GeometricSegmenter::track_reference(const cv::Mat& gray, const cv::Mat& dep
   std::vector<std::size_t> index;
   for (std::size_t i = 0; i < n; ++i) {  // seeded by the projection with the initial pose
     const auto x = camera_.model.project(T_c_w * reference_.points_w[i]);
-    if (!x || x->x() < 8 || x->y() < 8 || x->x() >= camera_.width - 8 || x->y() >= camera_.height - 8) continue;
+    if (!x || x->x() < 8 || x->y() < 8 || x->x() >= camera_.width - 8 || x->y() >= camera_.height - 8)
+      continue;
     from.push_back(reference_.pixels[i]);
     to.emplace_back(static_cast<float>(x->x()), static_cast<float>(x->y()));
     index.push_back(i);
@@ -160,10 +166,10 @@ void GeometricSegmenter::track_reference(const cv::Mat& gray, const cv::Mat& dep
   std::vector<cv::Mat> pyramid;
   cv::buildOpticalFlowPyramid(gray, pyramid, window, options_.lk_levels);
   std::vector<std::uint8_t> found, returned;
-  cv::calcOpticalFlowPyrLK(reference_.pyramid, pyramid, from, to, found, cv::noArray(), window, options_.lk_levels, stop,
-                           cv::OPTFLOW_USE_INITIAL_FLOW);
-  cv::calcOpticalFlowPyrLK(pyramid, reference_.pyramid, to, back, returned, cv::noArray(), window, options_.lk_levels, stop,
-                           cv::OPTFLOW_USE_INITIAL_FLOW);
+  cv::calcOpticalFlowPyrLK(reference_.pyramid, pyramid, from, to, found, cv::noArray(), window,
+                           options_.lk_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW);
+  cv::calcOpticalFlowPyrLK(pyramid, reference_.pyramid, to, back, returned, cv::noArray(), window,
+                           options_.lk_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW);
   statistics.lk_ms = watch.lap_ms();
 
   struct Track {
@@ -175,7 +181,8 @@ void GeometricSegmenter::track_reference(const cv::Mat& gray, const cv::Mat& dep
   };
   std::vector<Track> tracks;
   for (std::size_t k = 0; k < from.size(); ++k) {
-    if (found[k] == 0 || returned[k] == 0 || cv::norm(back[k] - from[k]) > options_.forward_backward) continue;
+    if (found[k] == 0 || returned[k] == 0 || cv::norm(back[k] - from[k]) > options_.forward_backward)
+      continue;
     const auto ideal = camera_.model.undistort_pixel(Eigen::Vector2d(to[k].x, to[k].y));
     const int u = cvRound(to[k].x), v = cvRound(to[k].y);
     if (!ideal || u < 0 || v < 0 || u >= camera_.width || v >= camera_.height) continue;
@@ -193,8 +200,8 @@ void GeometricSegmenter::track_reference(const cv::Mat& gray, const cv::Mat& dep
     x_m.push_back(t.ideal);
   }
   const SE3<double> T_cur_ref = T_c_w * reference_.T_c_w.inverse();
-  if (x.size() >= kMinMatches &&
-      baseline_verdict<double>(x, x_m, camera_.model.pinhole(), T_cur_ref.so3(), options_.min_parallax_px) == Baseline::sufficient) {
+  if (x.size() >= kMinMatches && baseline_verdict<double>(x, x_m, camera_.model.pinhole(), T_cur_ref.so3(),
+                                                          options_.min_parallax_px) == Baseline::sufficient) {
     FundamentalRansacOptions<double> ransac;
     ransac.threshold_px = options_.epipolar_px;
     ransac.seed = options_.seed;
@@ -202,7 +209,8 @@ void GeometricSegmenter::track_reference(const cv::Mat& gray, const cv::Mat& dep
     if (fundamental.status == FundamentalStatus::ok) {
       statistics.epipolar_used = true;
       for (Track& t : tracks) {
-        t.mismatch = line_distance<double>(fundamental.F, reference_.ideal[t.reference], t.ideal) > options_.epipolar_px;
+        t.mismatch = line_distance<double>(fundamental.F, reference_.ideal[t.reference], t.ideal) >
+                     options_.epipolar_px;
         statistics.epipolar_outliers += t.mismatch ? 1 : 0;
       }
     }
@@ -316,12 +324,14 @@ void GeometricSegmenter::check_free_space(const SE3<double>& T_c_w) {
           break;
         case DepthEvidence::consistent:
           if (dynamic[q] != 0 && lag <= kLags[1]) {
-            age[c] = static_cast<std::uint8_t>(std::min<std::size_t>({age[c], view_age[q] + lag, kNeverSeen - 1U}));
+            age[c] = static_cast<std::uint8_t>(
+                std::min<std::size_t>({age[c], view_age[q] + lag, kNeverSeen - 1U}));
           }
           // A surface that was in this very place long ago is at rest, whatever it was taken for then.
           if (lag >= (dynamic[q] != 0 ? kRestLag : old_lag)) ++support[c];
           break;
-        case DepthEvidence::unknown: break;
+        case DepthEvidence::unknown:
+          break;
       }
     }
   }
@@ -390,8 +400,9 @@ void GeometricSegmenter::grow(GeometryStatistics& statistics) {
     growing.max_region_fraction = options_.max_fraction;
     growing.min_region_pixels = options_.min_region_cells;
     const RelativeStep<float> criterion{options_.step_base, options_.step_quad};
-    const auto result = grow_regions(std::as_const(depth_).view(), std::span<const PixelIndex>(seeds), criterion, growing,
-                                     mask_.view(), growing_, std::as_const(barrier_).view());
+    const auto result =
+        grow_regions(std::as_const(depth_).view(), std::span<const PixelIndex>(seeds), criterion, growing,
+                     mask_.view(), growing_, std::as_const(barrier_).view());
     statistics.regions_leaked = result.regions_leaked;
     // A hole in a mover is the mover: its inside overlaps where it was before and looks at rest.
     fill_holes(mask_.view(), options_.max_hole_cells, morphology_);
@@ -461,6 +472,13 @@ cv::Mat GeometricSegmenter::segment(const cv::Mat& gray, const cv::Mat& depth, c
   enlarge(depth, mask);
   statistics.growing_ms = watch.lap_ms();
   return mask;
+}
+
+void GeometricSegmenter::follow(const SE3<double>& D) {
+  const SE3<double> D_inverse = D.inverse();
+  reference_.T_c_w = reference_.T_c_w * D;
+  for (Eigen::Vector3d& p : reference_.points_w) p = D_inverse * p;
+  for (View& view : views_) view.T_c_w = view.T_c_w * D;
 }
 
 void GeometricSegmenter::remember(const cv::Mat& depth, const SE3<double>& T_c_w, const cv::Mat& dynamic_mask,

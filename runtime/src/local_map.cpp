@@ -33,7 +33,8 @@ void LocalMap::local_points(const Frame& frame, int count, std::vector<int>& ids
     if (votes_[static_cast<std::size_t>(k)] > 0) order_.push_back(k);
   }
   std::sort(order_.begin(), order_.end(), [&](int a, int b) {
-    return std::pair(votes_[static_cast<std::size_t>(a)], a) > std::pair(votes_[static_cast<std::size_t>(b)], b);
+    return std::pair(votes_[static_cast<std::size_t>(a)], a) >
+           std::pair(votes_[static_cast<std::size_t>(b)], b);
   });
   if (static_cast<int>(order_.size()) > count) order_.resize(static_cast<std::size_t>(count));
   order_.push_back(static_cast<int>(keyframes_.size()) - 1);
@@ -47,6 +48,15 @@ void LocalMap::local_points(const Frame& frame, int count, std::vector<int>& ids
       ids.push_back(p);
     }
   }
+}
+
+void LocalMap::forget(int keyframe, int feature) {
+  int& id = keyframes_[static_cast<std::size_t>(keyframe)].frame.point[static_cast<std::size_t>(feature)];
+  if (id < 0) return;
+  MapPoint& p = point(id);
+  std::erase(p.keyframes, keyframe);
+  if (p.keyframes.empty()) p.bad = true;
+  id = -1;
 }
 
 void LocalMap::cull() {

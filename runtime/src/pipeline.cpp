@@ -72,6 +72,14 @@ struct Timings {
   }
 };
 
+/// A tracked frame's pose relative to its keyframe.
+struct FramePose {
+  double t;
+  int reference;
+  SE3<double> T_c_reference;
+  bool keyframe;
+};
+
 double peak_rss_mb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
@@ -165,7 +173,7 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
 
   RunSummary summary;
   Timings timings;
-  std::vector<StampedPose<double>> keyframes;
+  std::vector<FramePose> poses;
   std::exception_ptr failure;
   Stopwatch wall;
   double elapsed_ms = 0;
@@ -190,7 +198,7 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
             result.state == TrackingState::tracked || result.state == TrackingState::relocalised;
         if (tracked) {
           ++summary.tracked;
-          summary.trajectory.push_back({frame.t, result.T_w_c});
+          poses.push_back({frame.t, result.reference, result.T_c_reference, result.keyframe});
         } else {
           ++summary.lost;
           summary.problems.push_back(fmt::format("{}: {}", frame.stamp, to_string(result.state)));
@@ -198,7 +206,6 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
         if (options.save_masks)
           write_mask(options.out / "masks" / (frame.stamp + ".png"), result.dynamic_mask);
         if (result.keyframe) {
-          keyframes.push_back({frame.t, result.T_w_c});
           if (mapper) {
             cv::dilate(result.dynamic_mask, never_map, margin);
             mapper->insert(
@@ -219,6 +226,15 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
     failure = std::current_exception();
   }
   summary.interrupted = stop.load();
+  // Final poses: each frame keeps its place beside its keyframe, which may have been adjusted since.
+  tracker.finish();
+  std::vector<StampedPose<double>> keyframes;
+  for (const FramePose& pose : poses) {
+    const SE3<double>& T_reference =
+        tracker.map().keyframes()[static_cast<std::size_t>(pose.reference)].frame.T_c_w;
+    summary.trajectory.push_back({pose.t, (pose.T_c_reference * T_reference).inverse()});
+    if (pose.keyframe) keyframes.push_back(summary.trajectory.back());
+  }
   if (mapper) {
     try {
       mapper->finish();

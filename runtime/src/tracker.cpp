@@ -61,7 +61,11 @@ std::string_view to_string(TrackingState state) {
 }
 
 Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
-    : camera_(camera), options_(options), extractor_(options.features), geometry_(camera, options.geometry) {
+    : camera_(camera),
+      options_(options),
+      extractor_(options.features),
+      geometry_(camera, options.geometry),
+      bundle_(camera.model.pinhole(), options.local_bundle) {
   undistort_lut_.resize(static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height));
   for (int v = 0; v < camera_.height; ++v) {
     for (int u = 0; u < camera_.width; ++u) {
@@ -96,6 +100,28 @@ void Tracker::place(Feature& f, const Eigen::Vector2d& x, const cv::Mat& depth) 
   f.y = ideal.y + (f.v - static_cast<float>(v));
   const float z = depth.at<float>(v, u);
   f.depth = is_valid_depth(z) ? z : 0.0F;
+  if (!depth_moved_ || f.depth == 0) return;
+  // The depth image was taken a little earlier or later: look where the point was then, and bring what
+  // is measured there back.
+  const Eigen::Vector3d p_c =
+      camera_.model.pinhole().unproject(Eigen::Vector2d(f.x, f.y), static_cast<double>(z));
+  const Eigen::Vector3d p_d = T_depth_c_ * p_c;
+  const auto x_d = camera_.model.project(p_d);
+  f.depth = 0;
+  if (!x_d) return;
+  const int ud = static_cast<int>(std::lround(x_d->x())), vd = static_cast<int>(std::lround(x_d->y()));
+  if (ud < 0 || vd < 0 || ud >= camera_.width || vd >= camera_.height) return;
+  const float then = depth.at<float>(vd, ud);
+  if (!is_valid_depth(then)) return;
+  f.depth = static_cast<float>(static_cast<double>(then) + p_c.z() - p_d.z());
+}
+
+void Tracker::predict_depth_motion(const RgbdFrame& input) {
+  constexpr double kLongest = 0.05;  // seconds over which the velocity is trusted
+  const double interval = input.t - last_.t;
+  depth_moved_ = initialised_ && lost_frames_ == 0 && input.depth_delay != 0 &&
+                 std::abs(input.depth_delay) < kLongest && interval > 0 && interval < 4 * kLongest;
+  if (depth_moved_) T_depth_c_ = SE3<double>::exp(velocity_.log() * (input.depth_delay / interval));
 }
 
 void Tracker::extract(const RgbdFrame& input, Frame& frame) {
@@ -439,10 +465,18 @@ bool Tracker::relocalise(Frame& frame, const cv::Mat& depth, SE3<double>& T_c_w)
   return false;
 }
 
+void Tracker::finish() {
+  if (!bundle_.pending()) return;
+  const SE3<double> D = bundle_.apply(map_);
+  last_.T_c_w = last_.T_c_w * D;
+  geometry_.follow(D);
+}
+
 TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& prior) {
   TrackResult result;
   Stopwatch whole, watch;
   Frame frame;
+  predict_depth_motion(input);
   extract(input, frame);
   cv::Mat semantic;
   if (uses_semantic(options_.dynamics) && prior && !prior->dynamic.empty()) {
@@ -453,6 +487,8 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   result.dynamic_mask = semantic.empty() ? cv::Mat::zeros(input.gray.size(), CV_8UC1) : semantic.clone();
   time_of(result.times, Stage::features) = watch.lap_ms();
 
+  if (bundle_.pending() && input.index >= bundle_started_ + static_cast<std::size_t>(options_.bundle_delay))
+    finish();
   if (!initialised_) {
     if (initialise(frame, input)) {
       result.state = TrackingState::tracked;
@@ -556,6 +592,8 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
     result.keyframe = true;
   }
   result.T_w_c = T_c_w.inverse();
+  result.reference = map_.keyframes().back().id;
+  result.T_c_reference = T_c_w * map_.keyframes().back().frame.T_c_w.inverse();
   last_ = std::move(frame);
   time_of(result.times, Stage::keyframe) = watch.lap_ms();
   time_of(result.times, Stage::tracking) = whole.lap_ms();
@@ -628,7 +666,7 @@ void Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
       ++tracked;
       MapPoint& p = map_.point(frame.point[i]);
       p.viewing += (p.p_w - centre).normalized();
-      if (has_depth) {  // information-weighted mean of what the keyframes measured
+      if (has_depth && !options_.bundle) {  // information-weighted mean of what the keyframes measured
         const double information = depth_information(static_cast<double>(f.depth));
         p.p_w = (p.information * p.p_w + information * point_of(frame, static_cast<int>(i))) /
                 (p.information + information);
@@ -656,6 +694,10 @@ void Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
   map_.cull();
   last_keyframe_index_ = frame.index;
   last_keyframe_tracked_ = tracked;
+  if (options_.bundle && id > 0 && !bundle_.pending()) {
+    bundle_.start(map_, options_.depth_noise_base, options_.depth_noise_quad);
+    bundle_started_ = frame.index;
+  }
   if (uses_geometry(options_.dynamics) &&
       (!geometry_.has_reference() || id - reference_id_ > options_.reference_distance)) {
     geometry_.set_reference(frame, input.gray);

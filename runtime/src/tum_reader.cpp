@@ -49,7 +49,8 @@ std::string guess_camera(const fs::path& root) {
   if (!folder.has_filename()) folder = folder.parent_path();
   const std::string name = folder.filename().string();
   for (const char digit : {'1', '2', '3'}) {
-    if (name.find(std::string("freiburg") + digit) != std::string::npos || name.starts_with(std::string("fr") + digit)) {
+    if (name.find(std::string("freiburg") + digit) != std::string::npos ||
+        name.starts_with(std::string("fr") + digit)) {
       return std::string("fr") + digit;
     }
   }
@@ -64,7 +65,8 @@ std::vector<ListEntry> parse_list(std::istream& in, const std::string& name) {
   while (reader.next()) {
     const auto words = split_words(reader.line());
     if (words.size() != 2) {
-      throw InputError(name, reader.number(), fmt::format("expected 2 columns (timestamp file), found {}", words.size()));
+      throw InputError(name, reader.number(),
+                       fmt::format("expected 2 columns (timestamp file), found {}", words.size()));
     }
     const double t = parse_stamp(words[0], name, reader.number());
     if (!list.empty()) check_increasing(list.back().t, t, name, reader.number());
@@ -79,8 +81,10 @@ std::vector<FrameRecord> parse_associations(std::istream& in, const std::string&
   while (reader.next()) {
     const auto words = split_words(reader.line());
     if (words.size() != 4) {
-      throw InputError(name, reader.number(),
-                       fmt::format("expected 4 columns (rgb time, rgb file, depth time, depth file), found {}", words.size()));
+      throw InputError(
+          name, reader.number(),
+          fmt::format("expected 4 columns (rgb time, rgb file, depth time, depth file), found {}",
+                      words.size()));
     }
     FrameRecord record;
     record.t_rgb = parse_stamp(words[0], name, reader.number());
@@ -112,15 +116,19 @@ Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
       sequence.frames.push_back({rgb[i].t, depth[j].t, rgb[i].stamp, rgb[i].path, depth[j].path});
     }
     if (sequence.frames.empty()) {
-      throw InputError(root.string(), 0, fmt::format("no colour image has a depth image within {} s", options.max_association_difference));
+      throw InputError(
+          root.string(), 0,
+          fmt::format("no colour image has a depth image within {} s", options.max_association_difference));
     }
   }
   for (FrameRecord& record : sequence.frames) {
     record.rgb = root / record.rgb;
     record.depth = root / record.depth;
   }
-  if (options.max_frames > 0 && sequence.frames.size() > options.max_frames) sequence.frames.resize(options.max_frames);
-  if (const fs::path path = root / "groundtruth.txt"; fs::exists(path)) sequence.groundtruth = read_trajectory(path);
+  if (options.max_frames > 0 && sequence.frames.size() > options.max_frames)
+    sequence.frames.resize(options.max_frames);
+  if (const fs::path path = root / "groundtruth.txt"; fs::exists(path))
+    sequence.groundtruth = read_trajectory(path);
   sequence.camera_hint = guess_camera(root);
   return sequence;
 }
@@ -128,23 +136,26 @@ Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
 RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const CameraConfig& camera) {
   const auto check_size = [&](const cv::Mat& image, const fs::path& path) {
     if (image.cols != camera.width || image.rows != camera.height) {
-      throw InputError(path.string(), 0, fmt::format("is {}x{}, the camera's images are {}x{}", image.cols, image.rows,
-                                                     camera.width, camera.height));
+      throw InputError(path.string(), 0,
+                       fmt::format("is {}x{}, the camera's images are {}x{}", image.cols, image.rows,
+                                   camera.width, camera.height));
     }
   };
   RgbdFrame frame;
   frame.index = index;
   frame.t = record.t_rgb;
+  frame.depth_delay = record.t_depth - record.t_rgb;
   frame.stamp = record.stamp;
   frame.bgr = read_image(record.rgb, cv::IMREAD_COLOR);
   check_size(frame.bgr, record.rgb);
   const cv::Mat raw = read_image(record.depth, cv::IMREAD_UNCHANGED);
   check_size(raw, record.depth);
-  if (raw.type() != CV_16UC1) throw InputError(record.depth.string(), 0, "is not a 16-bit image of one channel");
+  if (raw.type() != CV_16UC1)
+    throw InputError(record.depth.string(), 0, "is not a 16-bit image of one channel");
   cv::cvtColor(frame.bgr, frame.gray, cv::COLOR_BGR2GRAY);
   frame.depth.create(raw.size(), CV_32FC1);
-  depth_to_metres<float>(interop::view<const std::uint16_t>(raw), static_cast<float>(camera.depth_units_per_metre),
-                         interop::view<float>(frame.depth));
+  depth_to_metres<float>(interop::view<const std::uint16_t>(raw),
+                         static_cast<float>(camera.depth_units_per_metre), interop::view<float>(frame.depth));
   return frame;
 }
 

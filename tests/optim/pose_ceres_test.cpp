@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Ceres as an independent oracle of the pose optimisation: same residuals, same loss, same minimum.
-#include <doctest/doctest.h>
+#include "ceres_oracle.hpp"
 
 #ifdef DYNSLAM_HAVE_CERES
-#include <ceres/ceres.h>
-#include <ceres/rotation.h>
-
 #include <vector>
 
 #include "dynslam/optim/pose.hpp"
@@ -32,51 +29,48 @@ struct Residual {
   }
 };
 
-/// rho(s) = numerator log(1 + s / nu); Ceres minimises half of it.
-struct TLoss : ceres::LossFunction {
-  double nu = 5, numerator = 6;
-  void Evaluate(double s, double out[3]) const override {
-    out[0] = numerator * std::log1p(s / nu);
-    out[1] = numerator / (nu + s);
-    out[2] = -numerator / ((nu + s) * (nu + s));
-  }
-};
-
 }  // namespace
 
 TEST_CASE("the optimum is Ceres' optimum of the same robust cost") {
   test::Rng rng("ceres");
   for (int trial = 0; trial < 5; ++trial) {
     std::vector<PoseObservation<double>> observations;
-    const SE3d truth = SE3d::exp((Eigen::Matrix<double, 6, 1>() << 0.2, 0.1, -0.1, 0.1, 0.2, -0.1).finished());
+    const SE3d truth =
+        SE3d::exp((Eigen::Matrix<double, 6, 1>() << 0.2, 0.1, -0.1, 0.1, 0.2, -0.1).finished());
     for (int i = 0; i < 200; ++i) {
       const Eigen::Vector2d x(rng.uniform(0, 640), rng.uniform(0, 480));
       const double z = rng.uniform(1, 4);
       const Eigen::Vector3d p_c = kCamera.unproject(x, z);
       const double gross = i < 30 ? 8.0 : 0.0;
-      observations.push_back({truth.inverse() * p_c, x + Eigen::Vector2d(rng.normal() + gross, rng.normal()), z + 0.02 * rng.normal(), 1.0, 2500.0});
+      observations.push_back({truth.inverse() * p_c, x + Eigen::Vector2d(rng.normal() + gross, rng.normal()),
+                              z + 0.02 * rng.normal(), 1.0, 2500.0});
     }
     PoseOptions<double> options;
     options.rounds = 1;  // the same observations as Ceres
     options.max_iterations = 100;
     options.tolerance = 1e-12;
     PoseWorkspace<double> workspace;
-    const auto ours = optimize_pose<double>(kCamera, observations, SE3d(), options, TDistribution<double>(5.0), workspace);
+    const auto ours =
+        optimize_pose<double>(kCamera, observations, SE3d(), options, TDistribution<double>(5.0), workspace);
 
     double angle_axis[3] = {0, 0, 0}, translation[3] = {0, 0, 0};
     ceres::Problem problem;
     for (const auto& o : observations) {
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Residual, 3, 3, 3>(new Residual{o}), new TLoss, angle_axis, translation);
+      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Residual, 3, 3, 3>(new Residual{o}),
+                               new test::TLoss, angle_axis, translation);
     }
     ceres::Solver::Options solver;
     solver.max_num_iterations = 200;
     solver.function_tolerance = solver.gradient_tolerance = solver.parameter_tolerance = 1e-14;
     ceres::Solver::Summary summary;
     ceres::Solve(solver, &problem, &summary);
-    const SE3d theirs(SO3d::exp(Eigen::Vector3d(angle_axis[0], angle_axis[1], angle_axis[2])), Eigen::Vector3d(translation[0], translation[1], translation[2]));
+    const SE3d theirs(SO3d::exp(Eigen::Vector3d(angle_axis[0], angle_axis[1], angle_axis[2])),
+                      Eigen::Vector3d(translation[0], translation[1], translation[2]));
     CHECK((ours.T_c_w * theirs.inverse()).log().norm() < 1e-6);
   }
 }
 #else
-TEST_CASE("the optimum is Ceres' optimum of the same robust cost") { MESSAGE("skipped: Ceres was not found"); }
+TEST_CASE("the optimum is Ceres' optimum of the same robust cost") {
+  MESSAGE("skipped: Ceres was not found");
+}
 #endif

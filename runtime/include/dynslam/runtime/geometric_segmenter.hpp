@@ -18,38 +18,38 @@ namespace dynslam::runtime {
 
 struct GeometryOptions {
   // Keypoints of the reference keyframe (paper, steps 5 to 8)
-  int lk_points = 400;             ///< keypoints tracked at most
-  int lk_window = 21;              ///< side of the Lucas-Kanade window [px]
-  int lk_levels = 3;               ///< pyramid levels above the first
-  double forward_backward = 1.0;   ///< largest forward-backward error [px]
-  double epipolar_px = 1.5;        ///< distance to the epipolar line that makes a mismatch [px]
-  double min_parallax_px = 4.0;    ///< below: F is not estimated (degenerate)
-  double nu = 5.0;                 ///< degrees of freedom of the t-distribution
-  double tau = 0.25;               ///< static weight below which a keypoint is dynamic (numerator nu + d)
-  std::uint64_t seed = 1;          ///< of the RANSAC
+  int lk_points = 400;            ///< keypoints tracked at most
+  int lk_window = 21;             ///< side of the Lucas-Kanade window [px]
+  int lk_levels = 3;              ///< pyramid levels above the first
+  double forward_backward = 1.0;  ///< largest forward-backward error [px]
+  double epipolar_px = 1.5;       ///< distance to the epipolar line that makes a mismatch [px]
+  double min_parallax_px = 4.0;   ///< below: F is not estimated (degenerate)
+  double nu = 5.0;                ///< degrees of freedom of the t-distribution
+  double tau = 0.25;              ///< static weight below which a keypoint is dynamic (numerator nu + d)
+  std::uint64_t seed = 1;         ///< of the RANSAC
   // Dense free-space check
-  int stride = 4;                  ///< pixels per cell of the reduced grid
-  double max_depth = 5.0;          ///< metres; beyond, depth is too noisy to judge
+  int stride = 4;          ///< pixels per cell of the reduced grid
+  double max_depth = 5.0;  ///< metres; beyond, depth is too noisy to judge
   FreeSpaceMargins<float> margins;
-  int carry_frames = 20;           ///< how long a mask survives without new evidence
-  int min_seed_cells = 12;         ///< smaller seed groups are noise
-  int min_region_cells = 30;       ///< smaller regions are dropped
+  int carry_frames = 20;      ///< how long a mask survives without new evidence
+  int min_seed_cells = 12;    ///< smaller seed groups are noise
+  int min_region_cells = 30;  ///< smaller regions are dropped
   // Region growing
-  float step_base = 0.03F;         ///< depth step between neighbouring cells [m]
-  float step_quad = 0.010F;        ///< and its growth with z^2 [1/m]
-  int growing_reach = 8;           ///< cells around fresh evidence that a region may fill
-  int max_hole_cells = 600;         ///< larger holes in a mask stay open
-  double max_fraction = 0.7;       ///< share of the valid depth beyond which a region has leaked
+  float step_base = 0.03F;    ///< depth step between neighbouring cells [m]
+  float step_quad = 0.010F;   ///< and its growth with z^2 [1/m]
+  int growing_reach = 8;      ///< cells around fresh evidence that a region may fill
+  int max_hole_cells = 600;   ///< larger holes in a mask stay open
+  double max_fraction = 0.7;  ///< share of the valid depth beyond which a region has leaked
 };
 
 struct GeometryStatistics {
-  int tracked = 0;           ///< reference keypoints followed into the frame
+  int tracked = 0;  ///< reference keypoints followed into the frame
   int epipolar_outliers = 0;
   bool epipolar_used = false;
-  int dynamic_keypoints = 0; ///< static weight < tau
+  int dynamic_keypoints = 0;  ///< static weight < tau
   double sigma_photometric = 0, sigma_reprojection = 0, sigma_depth_factor = 0;
-  int seeds = 0;             ///< cells that start the growing
-  int regions_leaked = 0;    ///< dropped by the guard
+  int seeds = 0;           ///< cells that start the growing
+  int regions_leaked = 0;  ///< dropped by the guard
   double lk_ms = 0, residuals_ms = 0, dense_ms = 0, growing_ms = 0;
 };
 
@@ -71,6 +71,9 @@ class GeometricSegmenter {
   /// Keeps the frame just segmented, with its final pose and mask, as evidence for later ones.
   /// Must be called once per tracked frame, after `segment` (or alone: the depth is reduced then).
   void remember(const cv::Mat& depth, const SE3<double>& T_c_w, const cv::Mat& dynamic_mask, bool segmented);
+
+  /// Moves all that was remembered with a correction of the map: new T_c_w = old T_c_w D.
+  void follow(const SE3<double>& D);
 
   /// Whether the surface at a pixel of the frame last segmented was seen in the same place long before.
   [[nodiscard]] bool verified_static(float u, float v) const;
@@ -100,8 +103,8 @@ class GeometricSegmenter {
   };
 
   void reduce(const cv::Mat& depth);
-  void track_reference(const cv::Mat& gray, const cv::Mat& depth, const SE3<double>& T_c_w, const cv::Mat& prior,
-                       GeometryStatistics& statistics);
+  void track_reference(const cv::Mat& gray, const cv::Mat& depth, const SE3<double>& T_c_w,
+                       const cv::Mat& prior, GeometryStatistics& statistics);
   void check_free_space(const SE3<double>& T_c_w);
   void add_keypoint_seeds();
   void grow(GeometryStatistics& statistics);
@@ -110,14 +113,14 @@ class GeometricSegmenter {
 
   CameraConfig camera_;
   GeometryOptions options_;
-  int width_, height_;                  // of the reduced grid
-  std::vector<int> pixel_of_cell_;      // raw pixel index per cell, -1 outside
-  std::vector<int> cell_of_pixel_;      // cell index per raw pixel, -1 outside
-  std::vector<Eigen::Vector2f> ray_;    // per cell: x/z, y/z
+  int width_, height_;                // of the reduced grid
+  std::vector<int> pixel_of_cell_;    // raw pixel index per cell, -1 outside
+  std::vector<int> cell_of_pixel_;    // cell index per raw pixel, -1 outside
+  std::vector<Eigen::Vector2f> ray_;  // per cell: x/z, y/z
   Reference reference_;
-  std::deque<View> views_;              // newest first
-  std::vector<View> spare_;             // memory of dropped views
-  Image<float> depth_;                  // reduced depth of the present frame
+  std::deque<View> views_;   // newest first
+  std::vector<View> spare_;  // memory of dropped views
+  Image<float> depth_;       // reduced depth of the present frame
   Image<std::uint8_t> seed_, barrier_, mask_, age_, smooth_, zone_, verified_;
   RegionGrowingWorkspace growing_;
   MaskWorkspace morphology_;

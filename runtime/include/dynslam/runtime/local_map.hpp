@@ -39,6 +39,8 @@ class LocalMap {
   [[nodiscard]] const std::vector<Keyframe>& keyframes() const { return keyframes_; }
   [[nodiscard]] MapPoint& point(int id) { return points_[static_cast<std::size_t>(id)]; }
 
+  [[nodiscard]] Keyframe& keyframe(int id) { return keyframes_[static_cast<std::size_t>(id)]; }
+
   /// Adds a point and returns its id.
   int add_point(MapPoint point);
   /// Adds a keyframe (its observations are registered with the points) and returns its id.
@@ -47,6 +49,9 @@ class LocalMap {
   /// Ids of the points of the `count` keyframes that share most points with `frame` (ties: newer
   /// first), of their temporal neighbours and of the newest keyframe; each id once.
   void local_points(const Frame& frame, int count, std::vector<int>& ids);
+
+  /// Takes back that a keyframe's feature shows the point it is said to; points that nobody sees are bad.
+  void forget(int keyframe, int feature);
 
   /// Marks points that are seldom found where they should be.
   void cull();

@@ -14,6 +14,7 @@
 #include "dynslam/runtime/feature_extractor.hpp"
 #include "dynslam/runtime/frame.hpp"
 #include "dynslam/runtime/geometric_segmenter.hpp"
+#include "dynslam/runtime/local_bundle.hpp"
 #include "dynslam/runtime/local_map.hpp"
 #include "dynslam/runtime/mask_reader.hpp"
 #include "dynslam/runtime/tum_reader.hpp"
@@ -56,6 +57,9 @@ struct TrackerOptions {
   int keyframe_urgent = 100;           ///< inliers below which the gap does not matter
   double keyframe_translation = 0.15;  ///< metres
   double keyframe_rotation = 0.20;     ///< radians
+  bool bundle = true;                  ///< adjust the newest keyframes and their points
+  int bundle_delay = 4;                ///< frames after which the adjustment's result is waited for and used
+  LocalBundleOptions local_bundle;
   int reference_distance = 5;  ///< keyframes between the present one and the reference (paper, step 4)
 };
 
@@ -82,7 +86,9 @@ enum class TrackingState { not_initialised, tracked, relocalised, lost };
 
 struct TrackResult {
   TrackingState state = TrackingState::not_initialised;
-  SE3<double> T_w_c;
+  SE3<double> T_w_c;  ///< as known now; the final pose is T_c_reference's with the reference's last one
+  int reference = 0;  ///< the newest keyframe
+  SE3<double> T_c_reference;
   bool keyframe = false;
   bool mask_rejected = false;  ///< the mask left too few features and was not applied to the pose
   int matches = 0, inliers = 0;
@@ -101,10 +107,15 @@ class Tracker {
   /// Tracks the next frame. `prior` is the a-priori (semantic) mask, if there is one.
   TrackResult track(const RgbdFrame& input, const std::optional<Masks>& prior);
 
+  /// Uses what is still being adjusted. Call it at the end, before poses are read from the map.
+  void finish();
+
   [[nodiscard]] const LocalMap& map() const { return map_; }
 
  private:
   void extract(const RgbdFrame& input, Frame& frame);
+  /// Where the camera will have been when the depth image was taken, by its present velocity.
+  void predict_depth_motion(const RgbdFrame& input);
   /// Removes the features that were added for map points which the frame does not match after all.
   void drop_unmatched(Frame& frame) const;
   void flag_dynamic(Frame& frame, const cv::Mat& mask) const;
@@ -142,8 +153,12 @@ class Tracker {
   FeatureExtractor extractor_;
   GeometricSegmenter geometry_;
   LocalMap map_;
+  LocalBundle bundle_;
+  std::size_t bundle_started_ = 0;  // frame index
   Frame last_;
-  SE3<double> velocity_;  // T_c_last
+  SE3<double> velocity_;      // T_c_last
+  SE3<double> T_depth_c_;     // from the camera at colour time to the camera at depth time
+  bool depth_moved_ = false;  // the two differ
   bool initialised_ = false;
   int lost_frames_ = 0;
   std::size_t corners_ = 0;  // features of the present frame that were extracted, not added for points

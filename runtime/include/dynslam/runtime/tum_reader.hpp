@@ -26,20 +26,21 @@ struct FrameRecord {
 };
 
 struct RgbdFrame {
-  std::size_t index = 0;  ///< in the sequence, broken frames counted
-  double t = 0;           ///< colour time [s]
+  std::size_t index = 0;   ///< in the sequence, broken frames counted
+  double t = 0;            ///< colour time [s]
+  double depth_delay = 0;  ///< depth time less colour time [s]
   std::string stamp;
-  cv::Mat bgr;            ///< CV_8UC3
-  cv::Mat gray;           ///< CV_8UC1
-  cv::Mat depth;          ///< CV_32FC1 metres, NaN = invalid
+  cv::Mat bgr;    ///< CV_8UC3
+  cv::Mat gray;   ///< CV_8UC1
+  cv::Mat depth;  ///< CV_32FC1 metres, NaN = invalid
 };
 
 /// A TUM RGB-D sequence on disk.
 struct Sequence {
   std::filesystem::path root;
-  std::vector<FrameRecord> frames;                ///< by colour time
-  std::string camera_hint;                        ///< fr1, fr2, fr3, the sequence's camera.txt, or empty
-  std::vector<StampedPose<double>> groundtruth;   ///< empty where there is no groundtruth.txt
+  std::vector<FrameRecord> frames;               ///< by colour time
+  std::string camera_hint;                       ///< fr1, fr2, fr3, the sequence's camera.txt, or empty
+  std::vector<StampedPose<double>> groundtruth;  ///< empty where there is no groundtruth.txt
 };
 
 struct SequenceOptions {
@@ -62,7 +63,8 @@ struct ListEntry {
 [[nodiscard]] Sequence load_sequence(const std::filesystem::path& root, const SequenceOptions& options = {});
 
 /// Decodes one frame. @throws InputError naming the file: missing, truncated, of wrong type or size
-[[nodiscard]] RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const CameraConfig& camera);
+[[nodiscard]] RgbdFrame decode_frame(const FrameRecord& record, std::size_t index,
+                                     const CameraConfig& camera);
 
 struct StreamOptions {
   std::size_t queue = 4;  ///< frames decoded ahead
