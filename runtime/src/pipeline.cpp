@@ -226,6 +226,15 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
     failure = std::current_exception();
   }
   summary.interrupted = stop.load();
+  const std::size_t decoded = summary.frames - summary.broken;
+  if (masks && masks->missing() > 0) {
+    summary.problems.push_back(
+        fmt::format("{} of {} frames have no mask in {}", masks->missing(), decoded, options.masks.string()));
+    if (masks->missing() == decoded && !failure) {  // the wrong folder, most likely
+      failure = std::make_exception_ptr(
+          InputError(options.masks.string(), 0, "has no mask for any frame of the sequence"));
+    }
+  }
   // Final poses: each frame keeps its place beside its keyframe, which may have been adjusted since.
   tracker.finish();
   std::vector<StampedPose<double>> keyframes;

@@ -137,6 +137,27 @@ TEST_CASE(
   CHECK(evaluate_masks(out.path / "geometric" / "masks", walking() / "dynamic_mask").iou > 0.5);
 }
 
+TEST_CASE("a folder without masks for this sequence is an error, a few missing masks are reported") {
+  const test::TemporaryFolder empty, some, out;
+  RunOptions o = options_for(walking(), out.path / "none", DynamicsMode::semantic);
+  o.max_frames = 5;
+  o.map = false;
+  o.masks = empty.path;
+  CHECK_THROWS_WITH_AS((void)run_sequence(o, kNeverStop), doctest::Contains("has no mask for any frame"),
+                       InputError);
+  CHECK(read_trajectory(out.path / "none" / "trajectory.txt").size() == 5);  // nothing is lost
+  const Sequence sequence = load_sequence(walking());
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::string name = sequence.frames[i].stamp + ".png";
+    fs::copy_file(walking() / "label" / name, some.path / name);
+  }
+  o.masks = some.path;
+  o.out = out.path / "some";
+  const RunSummary summary = run_sequence(o, kNeverStop);
+  REQUIRE(summary.problems.size() == 1);
+  CHECK(summary.problems[0].find("2 of 5 frames have no mask") == 0);
+}
+
 TEST_CASE("two runs give identical trajectories, masks and maps") {
   const test::TemporaryFolder out;
   for (const char* name : {"a", "b"}) {
