@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# Installs the packages that dynslam needs on Debian or Ubuntu. Does nothing when all are installed.
+# Installs the packages that dynslam needs on Debian or Ubuntu, and ONNX Runtime into this repository where the
+# distribution has none. Does nothing when all is there. ONNXRUNTIME=off leaves ONNX Runtime out.
 #
 #   scripts/install-deps.sh          everything: program, tests, benchmarks, second compiler
 #   scripts/install-deps.sh app      only what building and running the program needs
 set -euo pipefail
 
-app=(build-essential cmake ninja-build ccache
+app=(build-essential cmake ninja-build ccache curl ca-certificates
   libeigen3-dev libopencv-dev liboctomap-dev libcli11-dev nlohmann-json3-dev libfmt-dev)
 development=(git clang doctest-dev libbenchmark-dev libceres-dev)
 
@@ -56,10 +57,18 @@ with_sanitizers() {
   fi
 }
 
+# Segmentation works without it, on OpenCV's dnn: slower, and with fewer models.
+onnxruntime() {
+  [ "${ONNXRUNTIME:-on}" != off ] || return 0
+  "$(dirname "${BASH_SOURCE[0]}")/install-onnxruntime.sh" ||
+    echo "install-deps: going on without ONNX Runtime; networks will run on OpenCV's dnn" >&2
+}
+
 if [ -z "$(missing)" ]; then
   with_sanitizers "${1:-all}"
   if [ -z "$(missing)" ]; then
     echo "install-deps: all ${#packages[@]} packages are installed"
+    onnxruntime
     exit 0
   fi
 fi
@@ -79,4 +88,5 @@ echo "install-deps: installing ${wanted[*]}"
 "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
   apt-get -q install -y --no-install-recommends "${wanted[@]}" ||
   fail "apt-get could not install: ${wanted[*]}"
+onnxruntime
 echo "install-deps: done"

@@ -104,23 +104,78 @@ void add_run_options(CLI::App& app, rt::RunOptions& o) {
   app.add_option("sequence", o.sequence, "Folder in TUM RGB-D layout")->required();
   app.add_option("--out,-o", o.out, "Folder for the results")->required();
   app.add_option("--camera", o.camera, "fr1, fr2, fr3 or a camera file (default: from the sequence)");
-  app.add_option("--masks", o.masks, "Folder of a-priori masks, <time stamp>.png: 0/255 masks, labels (8 bit) or instances (16 bit)");
+  app.add_option(
+      "--masks", o.masks,
+      "Folder of a-priori masks, <time stamp>.png: 0/255 masks, labels (8 bit) or instances (16 bit)");
+  rt::SegmentationStageOptions& s = o.segmentation;
+  app.add_option("--model", s.segmenter.model,
+                 "Segmentation network, FILE.onnx: Mask R-CNN, YOLOv8/11-seg, DeepLab and the like");
+  app.add_option_function<std::string>(
+         "--engine", [&s](const std::string& name) { s.segmenter.engine = *rt::parse_engine(name); },
+         "What runs the network: auto, onnxruntime, opencv")
+      ->default_str("auto")
+      ->check(CLI::IsMember({"auto", "onnxruntime", "opencv"}));
+  app.add_option_function<std::string>(
+         "--model-kind", [&s](const std::string& name) { s.segmenter.kind = *rt::parse_model_kind(name); },
+         "What the network's outputs mean: auto, yolo, mask-rcnn, semantic")
+      ->default_str("auto")
+      ->check(CLI::IsMember({"auto", "yolo", "mask-rcnn", "semantic"}));
+  app.add_option("--dynamic-classes", s.segmenter.dynamic_classes, "Classes that move by themselves")
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--map-classes", s.segmenter.map_classes,
+                 "Classes that the map labels (default: chairs and displays)")
+      ->delimiter(',');
+  app.add_option("--min-score", s.segmenter.detection.min_score, "Score from which a detection counts")
+      ->capture_default_str()
+      ->check(number_in(0.0, 1.0));
+  app.add_option("--network-threads", s.segmenter.threads, "Threads of the network, 1 to 64")
+      ->capture_default_str()
+      ->check(number_in(1, 64));
+  app.add_option("--segment-every", s.every,
+                 "The network sees every so many frames; masks are carried between them")
+      ->capture_default_str()
+      ->check(number_in(1, 1000));
+  app.add_option_function<std::string>(
+         "--segment", [&s](const std::string& how) { s.async = how == "async"; },
+         "sync: before each frame is tracked; async: ahead, on a thread of its own (same results)")
+      ->default_str("async")
+      ->check(CLI::IsMember({"sync", "async"}));
+  app.add_option("--keep-masks", s.keep, "Cut masks to the object's depth and carry missed ones forward")
+      ->capture_default_str();
+  app.add_option("--cache-masks", s.cache, "Folder that keeps the network's masks for the next run");
   app.add_option("--map", o.map, "Build and save map.ot")->capture_default_str();
-  app.add_option("--map-resolution", o.map_resolution, "Edge of a voxel [m], 0.005 to 1")->capture_default_str()->check(number_in(0.005, 1.0));
-  app.add_option("--max-frames", o.max_frames, "Stop after so many frames (0: all)")->capture_default_str()->check(whole());
+  app.add_option("--map-resolution", o.map_resolution, "Edge of a voxel [m], 0.005 to 1")
+      ->capture_default_str()
+      ->check(number_in(0.005, 1.0));
+  app.add_option("--max-frames", o.max_frames, "Stop after so many frames (0: all)")
+      ->capture_default_str()
+      ->check(whole());
   app.add_option("--seed", o.seed, "Seed of every random choice")->capture_default_str()->check(whole());
-  app.add_option("--features", o.tracker.features.features, "Keypoints per image, 100 to 10000")->capture_default_str()->check(number_in(100, 10000));
-  app.add_option("--nu", o.tracker.nu, "Degrees of freedom of the pose optimisation's t-distribution")->capture_default_str()->check(positive());
-  app.add_option("--geometry-nu", o.tracker.geometry.nu, "Degrees of freedom of the static weight's t-distribution")->capture_default_str()->check(positive());
-  app.add_option("--tau", o.tracker.geometry.tau, "Static weight below which a keypoint is dynamic")->capture_default_str()->check(positive());
+  app.add_option("--features", o.tracker.features.features, "Keypoints per image, 100 to 10000")
+      ->capture_default_str()
+      ->check(number_in(100, 10000));
+  app.add_option("--nu", o.tracker.nu, "Degrees of freedom of the pose optimisation's t-distribution")
+      ->capture_default_str()
+      ->check(positive());
+  app.add_option("--geometry-nu", o.tracker.geometry.nu,
+                 "Degrees of freedom of the static weight's t-distribution")
+      ->capture_default_str()
+      ->check(positive());
+  app.add_option("--tau", o.tracker.geometry.tau, "Static weight below which a keypoint is dynamic")
+      ->capture_default_str()
+      ->check(positive());
 }
 
 /// One line on stderr for all frames without a pose; summary.json lists every one.
-void report_problems(const rt::RunSummary& s, const std::filesystem::path& out, const std::string& prefix = {}) {
+void report_problems(const rt::RunSummary& s, const std::filesystem::path& out,
+                     const std::string& prefix = {}) {
   if (s.problems.empty()) return;
   constexpr std::size_t kShown = 2;
-  std::string text = fmt::format("dynslam: warning: {}{} broken and {} lost of {} frames: ", prefix, s.broken, s.lost, s.frames);
-  for (std::size_t i = 0; i < std::min(kShown, s.problems.size()); ++i) text += (i > 0 ? "; " : "") + s.problems[i];
+  std::string text = fmt::format("dynslam: warning: {}{} broken and {} lost of {} frames: ", prefix, s.broken,
+                                 s.lost, s.frames);
+  for (std::size_t i = 0; i < std::min(kShown, s.problems.size()); ++i)
+    text += (i > 0 ? "; " : "") + s.problems[i];
   if (s.problems.size() > kShown) {
     text += fmt::format("; and {} more, see {}", s.problems.size() - kShown, (out / "summary.json").string());
   }
@@ -151,8 +206,9 @@ int run(const rt::RunOptions& options) {
     return rt::run_sequence(options, stop_requested, [&](const rt::Progress& p) { line.show(describe(p)); });
   }();
   report_problems(summary, options.out);
-  std::cout << fmt::format("{} of {} frames tracked ({} lost, {} broken), {:.1f} frames/s; results in {}\n", summary.tracked, summary.frames,
-                           summary.lost, summary.broken, summary.fps, options.out.string())
+  std::cout << fmt::format("{} of {} frames tracked ({} lost, {} broken), {:.1f} frames/s; results in {}\n",
+                           summary.tracked, summary.frames, summary.lost, summary.broken, summary.fps,
+                           options.out.string())
             << accuracy(options, summary);
   return summary.interrupted ? interrupted() : 0;
 }
@@ -170,7 +226,8 @@ int ablate(const rt::RunOptions& options) {
     report_problems(row.run, options.out / mode, mode + ": ");
   }
   if (!ablation.rows.empty()) {
-    std::cout << rt::to_text(ablation) << fmt::format("\ntables, plots, overlays and maps are in {}\n", options.out.string());
+    std::cout << rt::to_text(ablation)
+              << fmt::format("\ntables, plots, overlays and maps are in {}\n", options.out.string());
   }
   return ablation.interrupted ? interrupted() : 0;
 }
@@ -198,12 +255,14 @@ int main(int argc, char** argv) {
   run_command->add_flag("--save-masks", run_options.save_masks, "Write the dynamic masks (255 = dynamic)");
 
   rt::RunOptions ablate_options;
-  CLI::App* ablate_command = app.add_subcommand("ablate", "Run a sequence in all modes: tables, plots, overlays");
+  CLI::App* ablate_command =
+      app.add_subcommand("ablate", "Run a sequence in all modes: tables, plots, overlays");
   add_run_options(*ablate_command, ablate_options);
 
   std::filesystem::path estimate, groundtruth;
   bool json = false;
-  CLI::App* eval_command = app.add_subcommand("eval", "ATE and RPE (1 s) of a trajectory, as TUM's tools compute them");
+  CLI::App* eval_command =
+      app.add_subcommand("eval", "ATE and RPE (1 s) of a trajectory, as TUM's tools compute them");
   eval_command->add_option("estimate", estimate, "Trajectory in TUM format")->required();
   eval_command->add_option("groundtruth", groundtruth, "Ground truth in TUM format")->required();
   eval_command->add_flag("--json", json, "Print JSON");
@@ -218,14 +277,22 @@ int main(int argc, char** argv) {
   std::filesystem::path synth_out;
   CLI::App* synth_command = app.add_subcommand("synth", "Make a synthetic sequence of an office with people");
   synth_command->add_option("out", synth_out, "Folder to make")->required();
-  synth_command->add_option("--seed", synth_options.seed, "Layout, colours, people, noise")->capture_default_str()->check(whole());
+  synth_command->add_option("--seed", synth_options.seed, "Layout, colours, people, noise")
+      ->capture_default_str()
+      ->check(whole());
   synth_command->add_option("--frames", synth_options.frames, "Number of frames")->capture_default_str();
-  synth_command->add_option("--path", synth_options.path, "Camera path: static, xyz, rpy, halfsphere")->capture_default_str();
-  synth_command->add_option("--scenario", synth_options.scenario, "walking, sitting, box, empty")->capture_default_str();
+  synth_command->add_option("--path", synth_options.path, "Camera path: static, xyz, rpy, halfsphere")
+      ->capture_default_str();
+  synth_command->add_option("--scenario", synth_options.scenario, "walking, sitting, box, empty")
+      ->capture_default_str();
   synth_command->add_option("--walkers", synth_options.walkers, "People who walk")->capture_default_str();
-  synth_command->add_option("--box", synth_options.box, "The first walker carries a box")->capture_default_str();
-  synth_command->add_option("--noise", synth_options.noise, "Noise of colour and depth")->capture_default_str();
-  synth_command->add_option("--fps", synth_options.fps, "Frames per second")->capture_default_str()->check(positive());
+  synth_command->add_option("--box", synth_options.box, "The first walker carries a box")
+      ->capture_default_str();
+  synth_command->add_option("--noise", synth_options.noise, "Noise of colour and depth")
+      ->capture_default_str();
+  synth_command->add_option("--fps", synth_options.fps, "Frames per second")
+      ->capture_default_str()
+      ->check(positive());
   synth_command->add_flag("--exposure-change", synth_options.exposure_change, "Exposure varies over time");
   synth_command->add_flag("--motion-blur", synth_options.motion_blur, "The shutter is open for half a frame");
 
@@ -240,7 +307,8 @@ int main(int argc, char** argv) {
     if (*eval_command) return print(rt::evaluate_trajectory(estimate, groundtruth), json);
     if (*masks_command) return print(rt::evaluate_masks(predicted, truth), json);
     ProgressLine line;
-    rt::synthesize(synth_options, synth_out, [&](int done, int total) { line.show(fmt::format("{}/{} frames", done, total)); });
+    rt::synthesize(synth_options, synth_out,
+                   [&](int done, int total) { line.show(fmt::format("{}/{} frames", done, total)); });
     return 0;
   } catch (const CLI::FileError&) {
     std::cerr << "dynslam: error: " << app.get_config_ptr()->as<std::string>() << ": cannot be opened\n";

@@ -26,6 +26,8 @@ constexpr std::size_t kOldLag = 8;    // a mover has left its own volume by then
 constexpr std::size_t kRestLag = 25;  // what has stayed for so long is at rest
 constexpr std::size_t kMinMatches = 30;
 constexpr std::uint8_t kNeverSeen = 255;
+// What a view's mask rests on: motion that was measured, or the a-priori mask alone (a person may sit still).
+constexpr std::uint8_t kMoved = 1, kSuspected = 2;
 
 }  // namespace
 
@@ -323,12 +325,12 @@ void GeometricSegmenter::check_free_space(const SE3<double>& T_c_w) {
           if (smooth[c] != 0 && lag > 1) ++violations[c];
           break;
         case DepthEvidence::consistent:
-          if (dynamic[q] != 0 && lag <= kLags[1]) {
+          if (dynamic[q] == kMoved && lag <= kLags[1]) {
             age[c] = static_cast<std::uint8_t>(
                 std::min<std::size_t>({age[c], view_age[q] + lag, kNeverSeen - 1U}));
           }
           // A surface that was in this very place long ago is at rest, whatever it was taken for then.
-          if (lag >= (dynamic[q] != 0 ? kRestLag : old_lag)) ++support[c];
+          if (lag >= (dynamic[q] == kMoved ? kRestLag : old_lag)) ++support[c];
           break;
         case DepthEvidence::unknown:
           break;
@@ -500,7 +502,7 @@ void GeometricSegmenter::remember(const cv::Mat& depth, const SE3<double>& T_c_w
     for (int i = 0; i < width_; ++i) {
       const int pixel = pixel_of_cell_[static_cast<std::size_t>(j * width_ + i)];
       const bool dynamic = pixel >= 0 && dynamic_mask.ptr<std::uint8_t>()[pixel] != 0;
-      view.dynamic(i, j) = dynamic ? 1 : 0;
+      view.dynamic(i, j) = !dynamic ? 0 : (segmented && mask_(i, j) != 0 ? kMoved : kSuspected);
       // A mask that the geometry did not find (the semantic one) counts as fresh evidence.
       view.age(i, j) = dynamic && age_(i, j) != kNeverSeen ? age_(i, j) : std::uint8_t{0};
     }

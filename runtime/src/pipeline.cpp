@@ -35,6 +35,7 @@ struct Timings {
   struct Row {
     std::string stamp;
     StageTimes times;
+    double network_ms, keeper_ms;  // of the segmentation, on its own thread unless that is off
     double frame_ms;  // everything the main loop did for the frame, waiting for the reader included
   };
   std::vector<Row> rows;
@@ -43,11 +44,11 @@ struct Timings {
     std::ofstream out(path);
     out << "timestamp";
     for (const auto name : kStageNames) out << ',' << name;
-    out << ",frame\n";
+    out << ",network,mask_keeper,frame\n";
     for (const Row& row : rows) {
       out << row.stamp;
       for (const double ms : row.times) out << fmt::format(",{:.3f}", ms);
-      out << fmt::format(",{:.3f}\n", row.frame_ms);
+      out << fmt::format(",{:.3f},{:.3f},{:.3f}\n", row.network_ms, row.keeper_ms, row.frame_ms);
     }
     out.flush();
     if (!out) throw InputError(path.string(), 0, "cannot be written");
@@ -67,6 +68,8 @@ struct Timings {
     for (std::size_t s = 0; s < kStageNames.size(); ++s) {
       add(std::string(kStageNames[s]), [s](const Row& row) { return row.times[s]; });
     }
+    add("network", [](const Row& row) { return row.network_ms; });
+    add("mask_keeper", [](const Row& row) { return row.keeper_ms; });
     add("frame", [](const Row& row) { return row.frame_ms; });
     return result;
   }
@@ -103,6 +106,9 @@ nlohmann::json summary_json(const RunOptions& options, const CameraConfig& camer
                         {"camera", camera.name},
                         {"dynamics", std::string(to_string(options.dynamics))},
                         {"masks", options.masks.string()},
+                        {"model", options.segmentation.segmenter.model.string()},
+                        {"segment_every", options.segmentation.every},
+                        {"segment_async", options.segmentation.async},
                         {"map", options.map},
                         {"map_resolution", options.map_resolution},
                         {"max_frames", options.max_frames},
@@ -143,17 +149,20 @@ void write_mask(const fs::path& path, const cv::Mat& mask) {
 
 RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop,
                         const std::function<void(const Progress&)>& progress) {
-  if (uses_semantic(options.dynamics) && options.masks.empty()) {
+  const bool network = uses_semantic(options.dynamics) && !options.segmentation.segmenter.model.empty();
+  if (uses_semantic(options.dynamics) && options.masks.empty() && !network) {
     throw UsageError(
-        fmt::format("--dynamics {} needs a-priori masks: give --masks DIR, or use --dynamics geometric",
+        fmt::format("--dynamics {} needs a-priori masks: give --model FILE.onnx or --masks DIR, or use "
+                    "--dynamics geometric",
                     to_string(options.dynamics)));
   }
+  if (network && !options.masks.empty()) throw UsageError("--model and --masks exclude each other");
   SequenceOptions sequence_options;
   sequence_options.max_frames = options.max_frames;
   const Sequence sequence = load_sequence(options.sequence, sequence_options);
   const CameraConfig camera = load_camera(options.camera.empty() ? sequence.camera_hint : options.camera);
   std::optional<MaskSource> masks;
-  if (uses_semantic(options.dynamics)) masks.emplace(options.masks, MaskOptions{});
+  if (uses_semantic(options.dynamics) && !network) masks.emplace(options.masks, MaskOptions{});
 
   // The output is proven writable before hours are spent on computing it.
   make_folder(options.out);
@@ -178,12 +187,26 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
   Stopwatch wall;
   double elapsed_ms = 0;
   FrameStream stream(sequence, camera, StreamOptions{});
+  std::unique_ptr<SegmentationStage> segmentation;
+  if (network) segmentation = std::make_unique<SegmentationStage>(stream, options.segmentation);
   const cv::Mat margin =
       cv::getStructuringElement(cv::MORPH_RECT, {2 * kMapMaskMargin + 1, 2 * kMapMaskMargin + 1});
   cv::Mat never_map;
   try {
     while (!stop.load()) {
-      auto next = stream.next();
+      std::optional<FrameResult> next;
+      std::optional<Masks> prior;
+      double network_ms = 0, keeper_ms = 0;
+      if (segmentation) {
+        if (auto segmented = segmentation->next()) {
+          next = std::move(segmented->frame);
+          prior = std::move(segmented->masks);
+          network_ms = segmented->network_ms;
+          keeper_ms = segmented->keeper_ms;
+        }
+      } else {
+        next = stream.next();
+      }
       if (!next) break;
       ++summary.frames;
       if (!next->frame) {
@@ -191,7 +214,6 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
         summary.problems.push_back(next->error);
       } else {
         const RgbdFrame& frame = *next->frame;
-        std::optional<Masks> prior;
         if (masks) prior = masks->read(frame.stamp, camera.width, camera.height);
         TrackResult result = tracker.track(frame, prior);
         const bool tracked =
@@ -214,7 +236,7 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
         }
         const double lap = wall.lap_ms();
         elapsed_ms += lap;
-        timings.rows.push_back({frame.stamp, result.times, lap});
+        timings.rows.push_back({frame.stamp, result.times, network_ms, keeper_ms, lap});
       }
       if (progress) {
         const double fps = elapsed_ms > 0 ? 1000.0 * static_cast<double>(summary.frames) / elapsed_ms : 0.0;

@@ -465,6 +465,36 @@ bool Tracker::relocalise(Frame& frame, const cv::Mat& depth, SE3<double>& T_c_w)
   return false;
 }
 
+void Tracker::give_back_resting(const Masks& prior, const cv::Mat& depth, const cv::Mat& moving,
+                                cv::Mat& dynamic) {
+  constexpr int kStride = 4;
+  constexpr int kEnough = 40;  // samples with depth
+  resting_.create(dynamic.size(), CV_8UC1);
+  resting_.setTo(0);
+  if (prior.instances.empty()) return;
+  struct Count {
+    int seen = 0, still = 0, moving = 0;
+  };
+  std::vector<Count> counts;
+  for (int v = 0; v < dynamic.rows; v += kStride) {
+    for (int u = 0; u < dynamic.cols; u += kStride) {
+      const std::size_t id = prior.instances.at<std::uint16_t>(v, u);
+      if (id == 0 || prior.dynamic.at<std::uint8_t>(v, u) == 0 || !is_valid_depth(depth.at<float>(v, u)))
+        continue;
+      if (counts.size() <= id) counts.resize(id + 1);
+      ++counts[id].seen;
+      counts[id].still += geometry_.verified_static(static_cast<float>(u), static_cast<float>(v)) ? 1 : 0;
+      counts[id].moving += moving.at<std::uint8_t>(v, u) != 0 ? 1 : 0;
+    }
+  }
+  for (std::size_t id = 1; id < counts.size(); ++id) {
+    const Count& c = counts[id];
+    if (c.seen < kEnough || c.still < options_.resting_share * c.seen || 20 * c.moving > c.seen) continue;
+    resting_.setTo(255, prior.instances == static_cast<double>(id));
+  }
+  dynamic.setTo(0, resting_);
+}
+
 void Tracker::finish() {
   if (!bundle_.pending()) return;
   const SE3<double> D = bundle_.apply(map_);
@@ -482,9 +512,12 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   if (uses_semantic(options_.dynamics) && prior && !prior->dynamic.empty()) {
     const int size = 2 * options_.semantic_dilation + 1;
     cv::dilate(prior->dynamic, semantic, cv::getStructuringElement(cv::MORPH_RECT, {size, size}));
+    if (!resting_.empty()) semantic.setTo(0, resting_);  // of the frame before: people hardly jump in one
     flag_dynamic(frame, semantic);
   }
-  result.dynamic_mask = semantic.empty() ? cv::Mat::zeros(input.gray.size(), CV_8UC1) : semantic.clone();
+  // The margin keeps features off a mover's rim; the mask that is handed on is the object itself.
+  result.dynamic_mask =
+      semantic.empty() ? cv::Mat::zeros(input.gray.size(), CV_8UC1) : prior->dynamic.clone();
   time_of(result.times, Stage::features) = watch.lap_ms();
 
   if (bundle_.pending() && input.index >= bundle_started_ + static_cast<std::size_t>(options_.bundle_delay))
@@ -549,6 +582,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   // Geometry, fusion, second optimisation on what is left.
   if (uses_geometry(options_.dynamics)) {
     const cv::Mat moving = geometry_.segment(input.gray, input.depth, T_c_w, semantic, result.geometry);
+    if (!semantic.empty()) give_back_resting(*prior, input.depth, moving, result.dynamic_mask);
     cv::bitwise_or(result.dynamic_mask, moving, result.dynamic_mask);
     time_of(result.times, Stage::lucas_kanade) = result.geometry.lk_ms;
     time_of(result.times, Stage::residuals) = result.geometry.residuals_ms;

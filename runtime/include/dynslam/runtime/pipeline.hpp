@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "dynslam/eval/trajectory.hpp"
+#include "dynslam/runtime/segmentation_stage.hpp"
 #include "dynslam/runtime/tracker.hpp"
 
 namespace dynslam::runtime {
@@ -17,15 +18,16 @@ namespace dynslam::runtime {
 /// What `dynslam run` does.
 struct RunOptions {
   std::filesystem::path sequence, out;
-  std::string camera;               ///< fr1, fr2, fr3 or a file; empty: from the sequence
+  std::string camera;  ///< fr1, fr2, fr3 or a file; empty: from the sequence
   DynamicsMode dynamics = DynamicsMode::both;
-  std::filesystem::path masks;      ///< folder of a-priori masks; empty: none
+  std::filesystem::path masks;            ///< folder of a-priori masks; empty: none
+  SegmentationStageOptions segmentation;  ///< used where its model is set; not together with `masks`
   bool save_masks = false;
-  bool map = true;                  ///< build and save map.ot
-  double map_resolution = 0.05;     ///< metres
-  std::size_t max_frames = 0;       ///< 0: all
-  std::uint64_t seed = 1;           ///< of every random choice
-  TrackerOptions tracker;           ///< its `dynamics` is set from the one above
+  bool map = true;               ///< build and save map.ot
+  double map_resolution = 0.05;  ///< metres
+  std::size_t max_frames = 0;    ///< 0: all
+  std::uint64_t seed = 1;        ///< of every random choice
+  TrackerOptions tracker;        ///< its `dynamics` is set from the one above
 };
 
 struct StageStatistics {

@@ -50,11 +50,12 @@ struct TrackerOptions {
   int local_keyframes = 12;   ///< neighbours whose points are searched
   int semantic_dilation = 9;  ///< pixels added around a-priori masks
   int feature_margin = 6;     ///< pixels around the fused mask in which features are not used
-  int enough_known = 200;     ///< features on known static surfaces from which on others make no points
-  double keyframe_ratio = 0.6;         ///< of the last keyframe's tracked points
-  int keyframe_max_gap = 30;           ///< frames
-  int keyframe_min_gap = 6;            ///< frames
-  int keyframe_urgent = 100;           ///< inliers below which the gap does not matter
+  double resting_share = 0.4;   ///< of a person seen in the same place long before: it is at rest
+  int enough_known = 200;       ///< features on known static surfaces from which on others make no points
+  double keyframe_ratio = 0.6;  ///< of the last keyframe's tracked points
+  int keyframe_max_gap = 30;    ///< frames
+  int keyframe_min_gap = 6;     ///< frames
+  int keyframe_urgent = 100;    ///< inliers below which the gap does not matter
   double keyframe_translation = 0.15;  ///< metres
   double keyframe_rotation = 0.20;     ///< radians
   bool bundle = true;                  ///< adjust the newest keyframes and their points
@@ -118,6 +119,9 @@ class Tracker {
   void predict_depth_motion(const RgbdFrame& input);
   /// Removes the features that were added for map points which the frame does not match after all.
   void drop_unmatched(Frame& frame) const;
+  /// Takes instances that have not moved for long out of the mask: their points serve the pose, but
+  /// the map, which goes by labels, never gets their surface.
+  void give_back_resting(const Masks& prior, const cv::Mat& depth, const cv::Mat& moving, cv::Mat& dynamic);
   void flag_dynamic(Frame& frame, const cv::Mat& mask) const;
   bool initialise(Frame& frame, const RgbdFrame& input);
   int match_last(Frame& frame, const SE3<double>& T_c_w, float radius);
@@ -170,6 +174,7 @@ class Tracker {
   std::vector<int> candidates_, observation_feature_, match_distance_, holder_;
   std::vector<PoseObservation<double>> observations_;
   std::vector<std::uint8_t> occupied_;
+  cv::Mat resting_;  // people at rest, CV_8UC1
   PoseWorkspace<double> workspace_;
 };
 

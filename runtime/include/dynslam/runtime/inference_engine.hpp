@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace dynslam::runtime {
+
+/// A plain array of a network's output; integers and booleans are converted.
+struct Tensor {
+  std::string name;
+  std::vector<std::int64_t> shape;
+  std::vector<float> data;  ///< row-major, product of shape values
+
+  /// Size of dimension `i` counted from the end for negative i; 1 beyond the rank.
+  [[nodiscard]] std::int64_t dim(int i) const {
+    const int rank = static_cast<int>(shape.size()), k = i < 0 ? rank + i : i;
+    return k >= 0 && k < rank ? shape[static_cast<std::size_t>(k)] : 1;
+  }
+};
+
+/// What a graph says of an input or output; -1: any size.
+struct TensorInfo {
+  std::string name;
+  std::vector<std::int64_t> shape;
+};
+
+enum class EngineKind { automatic, onnxruntime, opencv };
+[[nodiscard]] std::optional<EngineKind> parse_engine(std::string_view name);
+
+/// Runs one network, on the CPU, in this process.
+class InferenceEngine {
+ public:
+  virtual ~InferenceEngine() = default;
+  /// Runs the network on one float tensor.
+  /// @throws InputError naming the model when the engine refuses
+  virtual void run(std::span<const float> input, std::span<const std::int64_t> shape,
+                   std::vector<Tensor>& outputs) = 0;
+  [[nodiscard]] virtual const std::vector<TensorInfo>& inputs() const = 0;
+  [[nodiscard]] virtual const std::vector<TensorInfo>& outputs() const = 0;
+  /// Key-value pairs that the exporter left in the file.
+  [[nodiscard]] virtual const std::map<std::string, std::string>& metadata() const = 0;
+  [[nodiscard]] virtual std::string_view name() const = 0;
+};
+
+/// Whether this build has ONNX Runtime.
+[[nodiscard]] bool has_onnxruntime();
+
+/// Loads a model. `automatic` takes ONNX Runtime, and OpenCV's dnn where the build has none.
+/// @param threads  of the network itself
+/// @throws InputError when the file is missing, damaged or refused; UsageError for an engine this build lacks
+[[nodiscard]] std::unique_ptr<InferenceEngine> load_engine(const std::filesystem::path& model,
+                                                           EngineKind kind, int threads);
+
+// One per engine; called by load_engine.
+[[nodiscard]] std::unique_ptr<InferenceEngine> make_onnxruntime_engine(const std::filesystem::path& model,
+                                                                       int threads);
+[[nodiscard]] std::unique_ptr<InferenceEngine> make_opencv_engine(const std::filesystem::path& model);
+
+}  // namespace dynslam::runtime

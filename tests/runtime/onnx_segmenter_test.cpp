@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/onnx_segmenter.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <opencv2/imgproc.hpp>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/image_io.hpp"
+#include "dynslam/runtime/segmentation_stage.hpp"
+#include "tiny_onnx.hpp"
+#include "tum_fixture.hpp"
+
+using namespace dynslam;
+using namespace dynslam::runtime;
+
+namespace {
+
+/// Red person on the left, green chair, blue display, grey wall.
+cv::Mat scene() {
+  cv::Mat image(480, 640, CV_8UC3, cv::Scalar(128, 128, 128));
+  image(cv::Rect(100, 100, 120, 300)).setTo(cv::Scalar(0, 0, 255));
+  image(cv::Rect(300, 200, 100, 100)).setTo(cv::Scalar(0, 255, 0));
+  image(cv::Rect(450, 50, 100, 100)).setTo(cv::Scalar(255, 0, 0));
+  return image;
+}
+
+std::vector<EngineKind> engines() {
+  std::vector<EngineKind> all{EngineKind::opencv};
+  if (has_onnxruntime()) all.push_back(EngineKind::onnxruntime);
+  return all;
+}
+
+SegmenterOptions options_for(const std::filesystem::path& model, EngineKind engine = EngineKind::automatic) {
+  SegmenterOptions o;
+  o.model = model;
+  o.engine = engine;
+  return o;
+}
+
+/// A sequence of one picture, with a wall 2 m away.
+void write_sequence(const std::filesystem::path& root, int frames, const cv::Mat& colour) {
+  for (const char* folder : {"rgb", "depth"}) std::filesystem::create_directories(root / folder);
+  std::ofstream rgb(root / "rgb.txt"), depth(root / "depth.txt");
+  for (int i = 0; i < frames; ++i) {
+    const std::string stamp = std::to_string(i + 1) + ".000000";
+    rgb << stamp << " rgb/" << stamp << ".png\n";
+    depth << stamp << " depth/" << stamp << ".png\n";
+    write_image(root / "rgb" / (stamp + ".png"), colour);
+    write_image(root / "depth" / (stamp + ".png"), cv::Mat(colour.size(), CV_16UC1, cv::Scalar(10000)));
+  }
+}
+
+std::string error_of(const SegmenterOptions& options) {
+  try {
+    const OnnxSegmenter segmenter(options);
+  } catch (const std::exception& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
+}  // namespace
+
+TEST_CASE("a network's classes arrive as masks and labels where they are, the same from every engine") {
+  const test::TemporaryFolder folder;
+  test::write_onnx(folder.path / "colours.onnx", test::colour_network());
+  if (!has_onnxruntime()) MESSAGE("ONNX Runtime is not in this build: OpenCV alone");
+  for (const EngineKind engine : engines()) {
+    OnnxSegmenter segmenter(options_for(folder.path / "colours.onnx", engine));
+    CAPTURE(segmenter.engine());
+    CHECK(segmenter.kind() == ModelKind::semantic);
+    REQUIRE(segmenter.classes().size() == 4);
+    const Masks masks = segmenter.segment(scene());
+    CHECK(masks.dynamic.at<std::uint8_t>(250, 160) == 255);
+    CHECK(masks.dynamic.at<std::uint8_t>(250, 60) == 0);
+    CHECK(masks.labels.at<std::uint8_t>(250, 160) == static_cast<int>(Label::person));
+    CHECK(masks.labels.at<std::uint8_t>(250, 350) == static_cast<int>(Label::chair));
+    CHECK(masks.labels.at<std::uint8_t>(100, 500) == static_cast<int>(Label::display));
+    CHECK(masks.labels.at<std::uint8_t>(20, 20) == 0);
+    // The input has a tenth of the width: a border lies within one of its pixels.
+    CHECK(cv::countNonZero(masks.dynamic) == doctest::Approx(120 * 300).epsilon(0.1));
+  }
+}
+
+TEST_CASE("names come from the metadata or a sidecar, and choose what is dynamic and what is mapped") {
+  const test::TemporaryFolder folder;
+  test::TinyNetwork network = test::colour_network();
+  network.metadata.emplace_back("names", "{0: 'wall', 1: 'dog', 2: \"chair\", 3: 'tv'}");
+  test::write_onnx(folder.path / "named.onnx", network);
+  SegmenterOptions o = options_for(folder.path / "named.onnx");
+  if (has_onnxruntime()) {  // OpenCV does not hand metadata out
+    CHECK(error_of(o).find("has no class 'person'; it has: wall, dog, chair, tv") != std::string::npos);
+    o.dynamic_classes = {"dog"};
+    o.map_classes = {"tv"};
+    const Masks masks = OnnxSegmenter(o).segment(scene());
+    CHECK(masks.dynamic.at<std::uint8_t>(250, 160) == 255);
+    CHECK(masks.labels.at<std::uint8_t>(250, 350) == 0);  // chairs were not asked for
+    CHECK(masks.labels.at<std::uint8_t>(100, 500) == static_cast<int>(Label::display));
+    o.map_classes = {"wall"};
+    CHECK(error_of(o).find("--map-classes wall") != std::string::npos);
+  }
+  std::ofstream(folder.path / "named.names") << "a\nb\r\nperson\nc\n";
+  o = options_for(folder.path / "named.onnx");
+  CHECK(OnnxSegmenter(o).segment(scene()).dynamic.at<std::uint8_t>(250, 350) == 255);
+  std::ofstream(folder.path / "named.names") << "a\nb\n";
+  CHECK(error_of(o).find("has 4 classes and names for 2") != std::string::npos);
+}
+
+TEST_CASE("class lists are read as exporters write them; nonsense gives none") {
+  CHECK(parse_class_names("{0: 'person', 1: \"b'c\", 3: 'tv'}") ==
+        std::vector<std::string>{"person", "b'c", "", "tv"});
+  CHECK(parse_class_names("").empty());
+  CHECK(parse_class_names("{99999999: 'x'}").empty());
+  CHECK(parse_class_names("{a: 'x'}").empty());
+  CHECK(parse_class_names("{0: 'open").empty());
+}
+
+TEST_CASE("a file that is no segmenter is refused in one line that names it") {
+  const test::TemporaryFolder folder;
+  const auto path = folder.path / "model.onnx";
+  for (const EngineKind engine : engines()) {
+    const SegmenterOptions o = options_for(path, engine);
+    std::filesystem::remove(path);
+    const auto refused = [&](const char* why) {
+      const std::string message = error_of(o);
+      CAPTURE(message);
+      CHECK(message.find(path.string()) != std::string::npos);
+      CHECK(message.find(why) != std::string::npos);
+      CHECK(message.find('\n') == std::string::npos);
+    };
+    refused("is not a file");
+    std::ofstream(path) << "";
+    refused("is empty");
+    std::ofstream(path) << "this is not a network at all, it is a text";
+    refused("cannot be loaded");
+    test::write_onnx(path, test::colour_network());
+    std::filesystem::resize_file(path, std::filesystem::file_size(path) * 2 / 3);
+    refused("cannot be loaded");
+    test::TinyNetwork five = test::colour_network();
+    five.channels = 5;
+    test::write_onnx(path, five);
+    refused("");
+    test::TinyNetwork many = test::colour_network();
+    many.weights.resize(7);
+    test::write_onnx(path, many);
+    refused("has 7 classes");
+    test::TinyNetwork broken = test::colour_network();
+    broken.weights[2][3] = std::nanf("");
+    test::write_onnx(path, broken);
+    refused("not finite");
+  }
+  if (!has_onnxruntime())
+    CHECK(error_of(options_for(path, EngineKind::onnxruntime)).find("no ONNX Runtime") != std::string::npos);
+}
+
+TEST_CASE(
+    "the stage gives every frame its masks, alike on its own thread and without, from network and cache") {
+  const test::TemporaryFolder folder, cache;
+  test::write_onnx(folder.path / "colours.onnx", test::colour_network());
+  write_sequence(folder.path / "sequence", 6, scene());
+  const Sequence sequence = load_sequence(folder.path / "sequence");
+  const CameraConfig camera = load_camera("fr3");
+  const auto run = [&](bool async, int every, const std::filesystem::path& kept) {
+    FrameStream frames(sequence, camera);
+    SegmentationStageOptions o;
+    o.segmenter = options_for(folder.path / "colours.onnx");
+    o.async = async;
+    o.every = every;
+    o.cache = kept;
+    SegmentationStage stage(frames, o);
+    std::vector<cv::Mat> masks;
+    while (auto next = stage.next()) {
+      REQUIRE(next->masks.has_value());
+      masks.push_back(next->masks->dynamic);
+    }
+    return masks;
+  };
+  const auto sync = run(false, 1, {});
+  REQUIRE(sync.size() == 6);
+  CHECK(cv::countNonZero(sync[3]) > 30000);
+  for (const auto& other : {run(true, 1, {}), run(true, 1, cache.path), run(true, 1, cache.path)}) {
+    REQUIRE(other.size() == sync.size());
+    for (std::size_t i = 0; i < sync.size(); ++i) CHECK(cv::countNonZero(other[i] != sync[i]) == 0);
+  }
+  const auto files = std::distance(std::filesystem::directory_iterator(cache.path), {});
+  CHECK(files == 1);  // six times the same image
+  CHECK(run(false, 3, {}).size() == 6);
+}
