@@ -104,7 +104,7 @@ std::vector<std::string> notes(const Ablation& ablation) {
     lines.emplace_back("impr.: improvement over none in percent (Eq 13)");
   }
   if (ablation.semantic_skipped) {
-    lines.emplace_back("semantic and both were not run: the sequence has no label/ folder and no --masks were given");
+    lines.emplace_back("semantic and both were not run: the sequence has no label/ folder, and neither --model nor --masks was given");
   }
   for (const AblationRow& row : ablation.rows) {
     if (!row.trajectory) lines.push_back(fmt::format("{}: no ATE and RPE: {}", to_string(row.mode), row.not_comparable));
@@ -226,11 +226,12 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
   if (sequence.groundtruth.empty()) throw InputError((options.sequence / "groundtruth.txt").string(), 0, "is missing: the ablation needs ground truth");
   RunOptions run = options;
   run.save_masks = true;
-  if (run.masks.empty() && fs::is_directory(options.sequence / "label")) run.masks = options.sequence / "label";
+  const bool network = !run.segmentation.segmenter.model.empty();
+  if (run.masks.empty() && !network && fs::is_directory(options.sequence / "label")) run.masks = options.sequence / "label";
 
   Ablation result;
   result.sequence = options.sequence.filename().empty() ? options.sequence.parent_path().filename().string() : options.sequence.filename().string();
-  result.semantic_skipped = run.masks.empty();
+  result.semantic_skipped = run.masks.empty() && !network;
   for (const auto mode : {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both}) {
     if (stop.load()) break;
     if (uses_semantic(mode) && result.semantic_skipped) continue;

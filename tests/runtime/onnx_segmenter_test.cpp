@@ -190,3 +190,55 @@ TEST_CASE(
   CHECK(files == 1);  // six times the same image
   CHECK(run(false, 3, {}).size() == 6);
 }
+
+TEST_CASE("torchvision's Mask R-CNN answers as in torchvision: boxes, scores and masks of a small one") {
+  // Made by tools/export_maskrcnn.py --tiny, which also wrote what torchvision itself said of this picture.
+  const auto data = std::filesystem::path(__FILE__).parent_path().parent_path() / "data";
+  if (!has_onnxruntime()) {
+    MESSAGE("skipped: built without ONNX Runtime, and OpenCV's dnn does not load this graph");
+    return;
+  }
+  constexpr int kWidth = 96, kHeight = 64;
+  const auto grey = [](int c, int u, int v) {
+    return c == 0 ? (7 * u + 3 * v) % 256 : c == 1 ? (5 * u * v / 16) % 256 : (u * u / 8 + 11 * v) % 256;
+  };
+  std::vector<float> input;
+  for (int c = 0; c < 3; ++c) {
+    for (int v = 0; v < kHeight; ++v) {
+      for (int u = 0; u < kWidth; ++u) input.push_back(static_cast<float>(grey(c, u, v)) / 255.0F);
+    }
+  }
+  const auto engine = load_engine(data / "tiny_maskrcnn.onnx", EngineKind::onnxruntime, 1);
+  std::vector<Tensor> outputs;
+  const std::vector<std::int64_t> shape{3, kHeight, kWidth};
+  engine->run(input, shape, outputs);
+  REQUIRE(outputs.size() == 4);
+  DetectionOptions all;
+  all.min_score = 0.05F;
+  const auto detections =
+      decode_mask_rcnn(outputs[0], outputs[1], outputs[2], outputs[3],
+                       fit_letterbox(kWidth, kHeight, kWidth, kHeight), {kWidth, kHeight}, all, "tiny");
+  std::ifstream golden(data / "tiny_maskrcnn.txt");
+  std::string line;
+  std::getline(golden, line);
+  std::size_t n = 0;
+  double x1, y1, x2, y2, score, mean;
+  int label, area;
+  for (; golden >> x1 >> y1 >> x2 >> y2 >> label >> score >> mean >> area; ++n) {
+    CAPTURE(n);
+    REQUIRE(n < detections.size());
+    const float* box = outputs[0].data.data() + 4 * n;
+    CHECK(static_cast<double>(box[0]) == doctest::Approx(x1).epsilon(1e-3));
+    CHECK(static_cast<double>(box[1]) + 1 == doctest::Approx(y1 + 1).epsilon(1e-3));
+    CHECK(static_cast<double>(box[2]) == doctest::Approx(x2).epsilon(1e-3));
+    CHECK(static_cast<double>(box[3]) == doctest::Approx(y2).epsilon(1e-3));
+    CHECK(detections[n].category == label);
+    CHECK(static_cast<double>(detections[n].score) == doctest::Approx(score).epsilon(1e-3));
+    CHECK(cv::countNonZero(detections[n].mask) == doctest::Approx(area).epsilon(0.01));
+  }
+  CHECK(n == 8);
+  CHECK(detections.size() == 8);
+  SegmenterOptions o = options_for(data / "tiny_maskrcnn.onnx");
+  const OnnxSegmenter segmenter(o);
+  CHECK(segmenter.kind() == ModelKind::mask_rcnn);
+}
