@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 #
 # Builds the program, renders a synthetic sequence with moving people and things, and runs the whole method and
-# its variants on it. Results, tables and images are left in results/demo.
+# its variants on it, people found by the small network in models/. Results, tables and images are left in
+# results/demo.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -17,7 +18,7 @@ dynslam=build/release/bin/dynslam
 out=results/demo
 rm -rf "$out"
 "$dynslam" synth "$out/sequence" --path xyz --seed 2
-"$dynslam" ablate "$out/sequence" --out "$out"
+"$dynslam" ablate "$out/sequence" --model models/demo_segmenter.onnx --out "$out"
 
 echo
 echo "Results: $PWD/$out"

@@ -3,13 +3,13 @@
 
 #include <fmt/format.h>
 
+#include <octomap/ColorOcTree.h>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <octomap/ColorOcTree.h>
 #include <opencv2/imgcodecs.hpp>
 #include <span>
 #include <system_error>
@@ -33,9 +33,12 @@ struct Measure {
   const Statistics<double>& (*of)(const TrajectoryReport&);
 };
 constexpr std::array<Measure, 3> kMeasures{{
-    {"Absolute trajectory error [m]", "ate", [](const TrajectoryReport& r) -> const Statistics<double>& { return r.ate.translation; }},
-    {"Relative pose error, translation [m/s]", "rpe_trans", [](const TrajectoryReport& r) -> const Statistics<double>& { return r.rpe.translation; }},
-    {"Relative pose error, rotation [deg/s]", "rpe_rot", [](const TrajectoryReport& r) -> const Statistics<double>& { return r.rpe.rotation_deg; }},
+    {"Absolute trajectory error [m]", "ate",
+     [](const TrajectoryReport& r) -> const Statistics<double>& { return r.ate.translation; }},
+    {"Relative pose error, translation [m/s]", "rpe_trans",
+     [](const TrajectoryReport& r) -> const Statistics<double>& { return r.rpe.translation; }},
+    {"Relative pose error, rotation [deg/s]", "rpe_rot",
+     [](const TrajectoryReport& r) -> const Statistics<double>& { return r.rpe.rotation_deg; }},
 }};
 
 constexpr std::array<std::pair<const char*, double Statistics<double>::*>, 4> kFigures{{
@@ -65,7 +68,9 @@ Table error_table(const Ablation& ablation, const Measure& measure) {
     }
     if (row.mode != DynamicsMode::none && row.trajectory && base != nullptr) {
       for (const auto& figure : kFigures) {
-        cells.push_back(cell(improvement_percent(measure.of(*base).*figure.second, measure.of(*row.trajectory).*figure.second), 2, " %"));
+        cells.push_back(cell(
+            improvement_percent(measure.of(*base).*figure.second, measure.of(*row.trajectory).*figure.second),
+            2, " %"));
       }
     }
     table.rows.push_back(std::move(cells));
@@ -79,16 +84,23 @@ double coverage_percent(const RunSummary& run) {
 
 Table run_table(const Ablation& ablation) {
   Table table{"Coverage, speed and masks",
-              {"mode", "frames", "tracked", "lost", "broken", "coverage", "frames/s", "tracking [ms]", "recall", "IoU", "precision"},
+              {"mode", "frames", "tracked", "lost", "broken", "coverage", "frames/s", "tracking [ms]",
+               "recall", "IoU", "precision"},
               {}};
   for (const AblationRow& row : ablation.rows) {
     const RunSummary& run = row.run;
     const auto stage = run.stages.find("tracking");
-    std::vector<std::string> cells{std::string(to_string(row.mode)), std::to_string(run.frames), std::to_string(run.tracked),
-                                   std::to_string(run.lost), std::to_string(run.broken), cell(coverage_percent(run), 1, " %"),
-                                   cell(run.fps, 1), stage != run.stages.end() ? cell(stage->second.median_ms, 1) : "-"};
+    std::vector<std::string> cells{std::string(to_string(row.mode)),
+                                   std::to_string(run.frames),
+                                   std::to_string(run.tracked),
+                                   std::to_string(run.lost),
+                                   std::to_string(run.broken),
+                                   cell(coverage_percent(run), 1, " %"),
+                                   cell(run.fps, 1),
+                                   stage != run.stages.end() ? cell(stage->second.median_ms, 1) : "-"};
     if (row.masks) {
-      for (const double v : {row.masks->recall, row.masks->iou, row.masks->precision}) cells.push_back(cell(v, 3));
+      for (const double v : {row.masks->recall, row.masks->iou, row.masks->precision})
+        cells.push_back(cell(v, 3));
     } else {
       cells.insert(cells.end(), 3, "-");
     }
@@ -104,16 +116,21 @@ std::vector<std::string> notes(const Ablation& ablation) {
     lines.emplace_back("impr.: improvement over none in percent (Eq 13)");
   }
   if (ablation.semantic_skipped) {
-    lines.emplace_back("semantic and both were not run: the sequence has no label/ folder, and neither --model nor --masks was given");
+    lines.emplace_back(
+        "semantic and both were not run: the sequence has no label/ folder, and neither --model nor --masks "
+        "was given");
   }
   for (const AblationRow& row : ablation.rows) {
-    if (!row.trajectory) lines.push_back(fmt::format("{}: no ATE and RPE: {}", to_string(row.mode), row.not_comparable));
+    if (!row.trajectory)
+      lines.push_back(fmt::format("{}: no ATE and RPE: {}", to_string(row.mode), row.not_comparable));
   }
   if (ablation.interrupted) lines.emplace_back("interrupted: modes that are missing were not finished");
   return lines;
 }
 
-cv::Mat read_mask(const fs::path& path) { return fs::exists(path) ? read_image(path, cv::IMREAD_GRAYSCALE) : cv::Mat(); }
+cv::Mat read_mask(const fs::path& path) {
+  return fs::exists(path) ? read_image(path, cv::IMREAD_GRAYSCALE) : cv::Mat();
+}
 
 void make_folder(const fs::path& path) {
   std::error_code error;
@@ -175,14 +192,16 @@ MapView fit_view(const octomap::ColorOcTree& tree, MapView view) {
   // Turn about the eye: the shortest rotation that brings the centre onto the optical axis.
   const Eigen::Vector3d c = view.T_w_c.inverse() * centre;
   if (c.norm() > 1e-6) {
-    view.T_w_c = view.T_w_c * SE3<double>(Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), c), Eigen::Vector3d::Zero());
+    view.T_w_c = view.T_w_c * SE3<double>(Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), c),
+                                          Eigen::Vector3d::Zero());
   }
   const SE3<double> T_c_w = view.T_w_c.inverse();
   // Distance that a point asks for so that |x| f / (z + back) stays within 0.46 of the picture's size.
   std::vector<double> back;
   for (const Eigen::Vector3d& p_w : points) {
     const Eigen::Vector3d p = T_c_w * p_w;
-    const double x = std::abs(p.x()) / (0.46 * view.size.width), y = std::abs(p.y()) / (0.46 * view.size.height);
+    const double x = std::abs(p.x()) / (0.46 * view.size.width),
+                 y = std::abs(p.y()) / (0.46 * view.size.height);
     back.push_back(view.focal * std::max(x, y) - p.z());
   }
   const auto most = back.begin() + static_cast<std::ptrdiff_t>(0.999 * static_cast<double>(back.size() - 1));
@@ -202,7 +221,8 @@ octomap::ColorOcTree read_map(const fs::path& path) {
     if (word == "res") in >> resolution;
     if (word.front() == '#') in.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
   }
-  if (!in || type != "ColorOcTree" || !(resolution > 0)) throw InputError(path.string(), 0, "is not a map of this program");
+  if (!in || type != "ColorOcTree" || !(resolution > 0))
+    throw InputError(path.string(), 0, "is not a map of this program");
   in.get();  // the line's end
   octomap::ColorOcTree tree(resolution);
   tree.readData(in);
@@ -223,16 +243,21 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
   SequenceOptions sequence_options;
   sequence_options.max_frames = options.max_frames;
   const Sequence sequence = load_sequence(options.sequence, sequence_options);
-  if (sequence.groundtruth.empty()) throw InputError((options.sequence / "groundtruth.txt").string(), 0, "is missing: the ablation needs ground truth");
+  if (sequence.groundtruth.empty())
+    throw InputError((options.sequence / "groundtruth.txt").string(), 0,
+                     "is missing: the ablation needs ground truth");
   RunOptions run = options;
   run.save_masks = true;
   const bool network = !run.segmentation.segmenter.model.empty();
-  if (run.masks.empty() && !network && fs::is_directory(options.sequence / "label")) run.masks = options.sequence / "label";
+  if (run.masks.empty() && !network && fs::is_directory(options.sequence / "label"))
+    run.masks = options.sequence / "label";
 
   Ablation result;
-  result.sequence = options.sequence.filename().empty() ? options.sequence.parent_path().filename().string() : options.sequence.filename().string();
+  result.sequence = options.sequence.filename().empty() ? options.sequence.parent_path().filename().string()
+                                                        : options.sequence.filename().string();
   result.semantic_skipped = run.masks.empty() && !network;
-  for (const auto mode : {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both}) {
+  for (const auto mode :
+       {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both}) {
     if (stop.load()) break;
     if (uses_semantic(mode) && result.semantic_skipped) continue;
     const std::string name(to_string(mode));
@@ -245,12 +270,14 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
     });
     if (row.run.interrupted) break;
     try {
-      row.trajectory = evaluate_trajectory(row.run.trajectory, sequence.groundtruth, (run.out / "trajectory.txt").string(),
-                                           (options.sequence / "groundtruth.txt").string());
+      row.trajectory =
+          evaluate_trajectory(row.run.trajectory, sequence.groundtruth, (run.out / "trajectory.txt").string(),
+                              (options.sequence / "groundtruth.txt").string());
     } catch (const InputError& error) {  // one mode that fails is a result, too
       row.not_comparable = error.what();
     }
-    if (mode != DynamicsMode::none && options.max_frames == 0 && fs::is_directory(options.sequence / "dynamic_mask")) {
+    if (mode != DynamicsMode::none && options.max_frames == 0 &&
+        fs::is_directory(options.sequence / "dynamic_mask")) {
       row.masks = evaluate_masks(run.out / "masks", options.sequence / "dynamic_mask");
     }
     write_image(options.out / ("trajectory_" + name + ".png"),
@@ -308,7 +335,8 @@ nlohmann::json to_json(const Ablation& ablation) {
                    {"modes", nlohmann::json::object()}};
   const TrajectoryReport* base = baseline(ablation);
   for (const AblationRow& row : ablation.rows) {
-    nlohmann::json mode = row.trajectory ? to_json(*row.trajectory) : nlohmann::json{{"not_comparable", row.not_comparable}};
+    nlohmann::json mode =
+        row.trajectory ? to_json(*row.trajectory) : nlohmann::json{{"not_comparable", row.not_comparable}};
     mode["frames"] = row.run.frames;
     mode["tracked"] = row.run.tracked;
     mode["lost"] = row.run.lost;
@@ -318,7 +346,8 @@ nlohmann::json to_json(const Ablation& ablation) {
     if (row.masks) mode["masks"] = to_json(*row.masks);
     if (base != nullptr && row.trajectory) {
       for (const Measure& m : kMeasures) {
-        mode[std::string(m.key) + "_improvement_percent"] = improvement_percent(m.of(*base).rmse, m.of(*row.trajectory).rmse);
+        mode[std::string(m.key) + "_improvement_percent"] =
+            improvement_percent(m.of(*base).rmse, m.of(*row.trajectory).rmse);
       }
     }
     j["modes"][std::string(to_string(row.mode))] = std::move(mode);

@@ -2,6 +2,10 @@
 #include "dynslam/runtime/segmentation_stage.hpp"
 
 #include <fmt/format.h>
+#ifdef __linux__
+#include <sys/resource.h>
+#include <unistd.h>
+#endif
 
 #include <array>
 #include <fstream>
@@ -15,6 +19,14 @@
 
 namespace dynslam::runtime {
 namespace {
+
+/// Gives the calling thread a lower priority: where cores are few, the tracker goes first.
+void step_back() {
+#ifdef __linux__
+  constexpr int kNice = 10;
+  (void)setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);  // a refusal costs speed, nothing else
+#endif
+}
 
 /// 64-bit FNV-1a.
 class Hash {
@@ -148,6 +160,7 @@ std::optional<SegmentedFrame> SegmentationStage::next() {
 }
 
 void SegmentationStage::work(const std::stop_token& stop) {
+  step_back();
   try {
     while (!stop.stop_requested()) {
       auto frame = process();

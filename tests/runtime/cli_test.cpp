@@ -27,12 +27,15 @@ Result shell(const std::string& command) {
   REQUIRE(pipe != nullptr);
   Result result;
   std::array<char, 4096> buffer;
-  while (const std::size_t n = fread(buffer.data(), 1, buffer.size(), pipe)) result.out.append(buffer.data(), n);
+  while (const std::size_t n = fread(buffer.data(), 1, buffer.size(), pipe))
+    result.out.append(buffer.data(), n);
   result.code = WEXITSTATUS(pclose(pipe));
   return result;
 }
 
-Result call(const std::string& arguments) { return shell(std::string(DYNSLAM_PROGRAM) + " " + arguments + " 2>&1"); }
+Result call(const std::string& arguments) {
+  return shell(std::string(DYNSLAM_PROGRAM) + " " + arguments + " 2>&1");
+}
 
 std::ptrdiff_t lines_with(const std::string& text, const std::string& part) {
   std::istringstream in(text);
@@ -69,20 +72,34 @@ TEST_CASE("errors are one line on stderr with a non-zero code") {
   check_one_line_error("run " + path + " --out " + path + "/o --dynamics magic", 2, "magic");
   check_one_line_error("run " + path + "/absent --out " + path + "/o --dynamics none", 1, "is not a folder");
   check_one_line_error("run " + path + " --out " + path + "/o --dynamics both", 2, "--masks");
-  check_one_line_error("run " + path + " --out " + path + "/o --dynamics none --camera fr7", 2, "unknown camera 'fr7'");
+  check_one_line_error("run " + path + " --out " + path + "/o --model " + path + "/absent.onnx", 1,
+                       "absent.onnx: is not a file");
+  check_one_line_error("run " + path + " --out " + path + "/o --model " + path + "/camera.txt", 1,
+                       "camera.txt: cannot be loaded");
+  check_one_line_error("run " + path + " --out " + path + "/o --model " + path + "/m.onnx --masks " + path, 2,
+                       "exclude each other");
+  check_one_line_error("run " + path + " --out " + path + "/o --model m.onnx --engine tensorrt", 2,
+                       "tensorrt");
+  check_one_line_error("run " + path + " --out " + path + "/o --dynamics none --camera fr7", 2,
+                       "unknown camera 'fr7'");
   check_one_line_error("run " + path + " --out /proc/no --dynamics none", 1, "/proc/no");
-  check_one_line_error("eval " + path + "/groundtruth.txt " + path + "/rgb.txt", 1, "rgb.txt:1: expected 8 columns");
-  check_one_line_error("eval " + path + "/groundtruth.txt " + path + "/groundtruth.txt", 1, "cannot be aligned");
+  check_one_line_error("eval " + path + "/groundtruth.txt " + path + "/rgb.txt", 1,
+                       "rgb.txt:1: expected 8 columns");
+  check_one_line_error("eval " + path + "/groundtruth.txt " + path + "/groundtruth.txt", 1,
+                       "cannot be aligned");
   check_one_line_error("eval-masks " + path + " " + path + "/absent", 1, "is not a folder");
   check_one_line_error("synth " + path + "/s --scenario party", 2, "unknown scenario 'party'");
   check_one_line_error("rnu " + path, 2, "unknown command 'rnu'");
-  check_one_line_error("run " + path + " --out " + path + "/o --max-frames -1", 2, "--max-frames: '-1' is not a whole number");
-  check_one_line_error("run " + path + " --out " + path + "/o --tau nan", 2, "--tau: 'nan' is not a number above 0");
+  check_one_line_error("run " + path + " --out " + path + "/o --max-frames -1", 2,
+                       "--max-frames: '-1' is not a whole number");
+  check_one_line_error("run " + path + " --out " + path + "/o --tau nan", 2,
+                       "--tau: 'nan' is not a number above 0");
 }
 
 TEST_CASE("a sequence without anything to track ends with an error, and its files are there") {
   const dynslam::test::TumFixture tum(3);
-  const Result r = call("run " + tum.path.string() + " --out " + (tum.path / "o").string() + " --dynamics none");
+  const Result r =
+      call("run " + tum.path.string() + " --out " + (tum.path / "o").string() + " --dynamics none");
   CHECK(r.code == 1);
   CHECK(r.out.find("no frame could be tracked") != std::string::npos);
   CHECK(std::filesystem::exists(tum.path / "o" / "summary.json"));
@@ -93,22 +110,27 @@ TEST_CASE("eval prints the documented JSON, from options of a config file too") 
   const std::string gt = (folder.path / "gt.txt").string(), config = (folder.path / "c.toml").string();
   {
     std::ofstream out(gt);
-    for (int i = 0; i < 90; ++i) out << i / 30.0 << ' ' << std::sin(0.1 * i) << ' ' << std::cos(0.1 * i) << ' ' << 0.01 * i << " 0 0 0 1\n";
+    for (int i = 0; i < 90; ++i)
+      out << i / 30.0 << ' ' << std::sin(0.1 * i) << ' ' << std::cos(0.1 * i) << ' ' << 0.01 * i
+          << " 0 0 0 1\n";
     std::ofstream(config) << "[eval]\njson = true\n";
   }
-  for (const std::string& arguments : {"eval " + gt + " " + gt + " --json", "eval --config " + config + " " + gt + " " + gt}) {
+  for (const std::string& arguments :
+       {"eval " + gt + " " + gt + " --json", "eval --config " + config + " " + gt + " " + gt}) {
     const Result r = call(arguments);
     CAPTURE(r.out);
     REQUIRE(r.code == 0);
     const auto json = nlohmann::json::parse(r.out);
     CHECK(json["pairs"] == 90);
     for (const char* part : {"ate_m", "rpe_trans_m", "rpe_rot_deg"}) {
-      for (const char* figure : {"rmse", "mean", "median", "std", "min", "max"}) CHECK(json[part][figure].get<double>() < 1e-6);
+      for (const char* figure : {"rmse", "mean", "median", "std", "min", "max"})
+        CHECK(json[part][figure].get<double>() < 1e-6);
     }
   }
 }
 
-TEST_CASE("a config file: the command line wins, other commands' sections do not count, mistakes name their line") {
+TEST_CASE(
+    "a config file: the command line wins, other commands' sections do not count, mistakes name their line") {
   const dynslam::test::TumFixture tum(5);
   const std::string path = tum.path.string(), config = path + "/c.toml", out = path + "/o";
   const auto write = [&](const std::string& text) { std::ofstream(config) << text; };
@@ -117,7 +139,8 @@ TEST_CASE("a config file: the command line wins, other commands' sections do not
     std::ifstream in(out + "/summary.json");
     return nlohmann::json::parse(in)["configuration"];
   };
-  write("# all of run\nsequence = '" + path + "'\nout = \"" + out + "\"  # quoted\ndynamics = none\nmap = false\n" +
+  write("# all of run\nsequence = '" + path + "'\nout = \"" + out +
+        "\"  # quoted\ndynamics = none\nmap = false\n" +
         "max-frames = 2\n[ablate]\nmax-frames = 1\n[run]\nseed = 7\n");
   auto j = configuration("");
   CHECK(j["dynamics"] == "none");
@@ -139,7 +162,8 @@ TEST_CASE("a config file: the command line wins, other commands' sections do not
   check_one_line_error(run, 1, "c.toml:2: --dynamics: magic");
   write("seed = 1\nseed = 2\n");
   check_one_line_error(run, 1, "c.toml:2: 'seed' is given twice");
-  check_one_line_error("run " + path + " --out " + out + " --config " + path + "/absent", 1, "absent: cannot be opened");
+  check_one_line_error("run " + path + " --out " + out + " --config " + path + "/absent", 1,
+                       "absent: cannot be opened");
 }
 
 TEST_CASE("a run says in one line what was broken, and how accurate it was") {
@@ -166,9 +190,10 @@ TEST_CASE("an interrupted run keeps what it has and exits with 130") {
   const std::string path = folder.path.string();
   REQUIRE(call("synth " + path + "/s --frames 90 --path xyz --walkers 1").code == 0);
   // summary.json appears when the run begins.
-  const Result r = shell(std::string(DYNSLAM_PROGRAM) + " run " + path + "/s --out " + path + "/o --dynamics geometric 2>&1 & pid=$!; " +
-                         "for i in $(seq 3000); do [ -e " + path + "/o/summary.json ] && break; sleep 0.01; done; " +
-                         "sleep 0.1; kill -INT $pid; wait $pid");
+  const Result r =
+      shell(std::string(DYNSLAM_PROGRAM) + " run " + path + "/s --out " + path +
+            "/o --dynamics geometric 2>&1 & pid=$!; " + "for i in $(seq 3000); do [ -e " + path +
+            "/o/summary.json ] && break; sleep 0.01; done; " + "sleep 0.1; kill -INT $pid; wait $pid");
   CAPTURE(r.out);
   CHECK(r.code == 130);
   CHECK(r.out.find("interrupted; what was computed is saved") != std::string::npos);
@@ -188,8 +213,9 @@ TEST_CASE("synth and ablate work from end to end and leave the tables and pictur
   REQUIRE(r.code == 0);
   CHECK(r.out.find("Eq 13") != std::string::npos);
   CHECK(r.out.find("octree") == std::string::npos);  // no chatter of libraries
-  for (const char* file : {"tables.txt", "tables.md", "ablation.json", "overlays.png", "ate_over_time.png", "map.png", "trajectory_none.png",
-                           "trajectory_both.png", "both/map.ot", "geometric/masks/1000000.000000.png"}) {
+  for (const char* file :
+       {"tables.txt", "tables.md", "ablation.json", "overlays.png", "ate_over_time.png", "map.png",
+        "trajectory_none.png", "trajectory_both.png", "both/map.ot", "geometric/masks/1000000.000000.png"}) {
     CAPTURE(file);
     CHECK(std::filesystem::exists(folder.path / "o" / file));
   }

@@ -3,14 +3,17 @@
 
 #include <doctest/doctest.h>
 
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <iterator>
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/image_io.hpp"
 #include "dynslam/runtime/segmentation_stage.hpp"
+#include "dynslam/runtime/synth.hpp"
 #include "tiny_onnx.hpp"
 #include "tum_fixture.hpp"
 
@@ -241,4 +244,40 @@ TEST_CASE("torchvision's Mask R-CNN answers as in torchvision: boxes, scores and
   SegmenterOptions o = options_for(data / "tiny_maskrcnn.onnx");
   const OnnxSegmenter segmenter(o);
   CHECK(segmenter.kind() == ModelKind::mask_rcnn);
+}
+
+TEST_CASE("the demo network knows people, chairs and displays of a world that it was not trained on") {
+  const auto model = std::filesystem::path(__FILE__).parent_path().parent_path().parent_path() / "models" /
+                     "demo_segmenter.onnx";
+  const test::TemporaryFolder folder;
+  SynthOptions synth;
+  synth.seed = 5;  // training starts at 100
+  synth.frames = 4;
+  synth.fps = 1;
+  synthesize(synth, folder.path);
+  const Sequence sequence = load_sequence(folder.path);
+  const CameraConfig camera = load_camera(sequence.camera_hint);
+  std::vector<cv::Mat> first;  // labels by the first engine
+  for (const EngineKind engine : engines()) {
+    OnnxSegmenter segmenter(options_for(model, engine));
+    CAPTURE(segmenter.engine());
+    std::array<double, 4> both{}, either{};
+    for (std::size_t i = 0; i < sequence.frames.size(); ++i) {
+      const RgbdFrame frame = decode_frame(sequence.frames[i], i, camera);
+      const cv::Mat truth = read_image(folder.path / "label" / (frame.stamp + ".png"), cv::IMREAD_UNCHANGED);
+      const Masks masks = segmenter.segment(frame.bgr);
+      for (int c = 1; c < 4; ++c) {
+        both[static_cast<std::size_t>(c)] += cv::countNonZero((masks.labels == c) & (truth == c));
+        either[static_cast<std::size_t>(c)] += cv::countNonZero((masks.labels == c) | (truth == c));
+      }
+      if (first.size() <= i) {
+        first.push_back(masks.labels);
+      } else {
+        CHECK(cv::countNonZero(masks.labels != first[i]) < 100);  // of 307200: rounding decides ties
+      }
+    }
+    CHECK(both[1] > 0.75 * either[1]);
+    CHECK(both[2] > 0.6 * either[2]);
+    CHECK(both[3] > 0.6 * either[3]);
+  }
 }
