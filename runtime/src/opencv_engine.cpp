@@ -5,6 +5,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/inference_engine.hpp"
+#include "onnx_header.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -41,15 +42,9 @@ class OpenCvEngine final : public InferenceEngine {
     net_.setPreferableTarget(cv::dnn::DNN_TARGET_CPU);
     names_ = net_.getUnconnectedOutLayersNames();
     for (const auto& name : names_) outputs_.push_back({name, {}});
-    // OpenCV does not tell an input's name; its shape, where the graph fixes it.
-    std::vector<cv::dnn::MatShape> in, out;
-    try {
-      net_.getLayerShapes(cv::dnn::MatShape(), 0, in, out);
-    } catch (const cv::Exception&) {  // a graph with free sizes
-    }
-    TensorInfo input;
-    if (!in.empty()) input.shape.assign(in.front().begin(), in.front().end());
-    inputs_.push_back(std::move(input));
+    OnnxHeader header = read_onnx_header(model);
+    inputs_ = std::move(header.inputs);
+    metadata_ = std::move(header.metadata);
   }
 
   void run(std::span<const float> input, std::span<const std::int64_t> shape,

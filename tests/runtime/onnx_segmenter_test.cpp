@@ -95,7 +95,8 @@ TEST_CASE("names come from the metadata or a sidecar, and choose what is dynamic
   network.metadata.emplace_back("names", "{0: 'wall', 1: 'dog', 2: \"chair\", 3: 'tv'}");
   test::write_onnx(folder.path / "named.onnx", network);
   SegmenterOptions o = options_for(folder.path / "named.onnx");
-  if (has_onnxruntime()) {  // OpenCV does not hand metadata out
+  for (const EngineKind engine : engines()) {
+    o = options_for(folder.path / "named.onnx", engine);
     CHECK(error_of(o).find("has no class 'person'; it has: wall, dog, chair, tv") != std::string::npos);
     o.dynamic_classes = {"dog"};
     o.map_classes = {"tv"};
