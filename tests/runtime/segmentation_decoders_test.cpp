@@ -70,7 +70,7 @@ TEST_CASE("YOLO: boxes, classes and masks land on the image; weak and doubled on
   const auto found = c.decode();
   REQUIRE(found.size() == 2);
   CHECK(found[0].category == 1);
-  CHECK(found[0].score == doctest::Approx(0.9F));
+  CHECK(static_cast<double>(found[0].score) == doctest::Approx(0.9).epsilon(1e-5));
   CHECK(std::abs(found[0].box.x - 220) <= 1);
   CHECK(std::abs(found[0].box.y - 190) <= 1);
   CHECK(std::abs(found[0].box.width - 200) <= 2);
