@@ -15,6 +15,9 @@
 namespace dynslam::runtime {
 namespace {
 
+constexpr float kMaxLabel =
+    65536.0F;  // no network knows as many classes; float holds every label below exactly
+
 [[noreturn]] void refuse(const std::string& model, const Tensor& tensor, const std::string& wanted) {
   throw InputError(model, 0,
                    fmt::format("output '{}' has the shape [{}], not {}", tensor.name,
@@ -182,6 +185,11 @@ std::vector<Detection> decode_mask_rcnn(const Tensor& boxes, const Tensor& label
     const float* b = boxes.data.data() + 4 * k;
     const double x1 = static_cast<double>(b[0]), y1 = static_cast<double>(b[1]),
                  x2 = static_cast<double>(b[2]), y2 = static_cast<double>(b[3]);
+    if (!(labels.data[k] >= 0 && labels.data[k] < kMaxLabel)) {
+      throw InputError(
+          model, 0,
+          fmt::format("output '{}' has the label {}, which is no class", labels.name, labels.data[k]));
+    }
     Detection d;
     d.category = static_cast<int>(labels.data[k]);
     d.score = scores.data[k];
@@ -242,7 +250,8 @@ cv::Mat decode_semantic(const Tensor& output, const Letterbox& fit, cv::Size ima
       for (int u = 0; u < image.width; ++u) {
         const int x = std::clamp(cvRound(ax * u + bx), 0, w - 1),
                   y = std::clamp(cvRound(ay * v + by), 0, h - 1);
-        labels.at<std::uint8_t>(v, u) = cv::saturate_cast<std::uint8_t>(map.at<float>(y, x));
+        labels.at<std::uint8_t>(v, u) =
+            static_cast<std::uint8_t>(std::clamp(map.at<float>(y, x) + 0.5F, 0.0F, 255.0F));
       }
     }
     return labels;

@@ -186,7 +186,7 @@ TEST_CASE("any tensor is decoded or refused: boxes stay inside, masks fit their 
     Tensor boxes{"boxes", {n, 4}, {}}, labels{"labels", {n}, {}}, scores{"scores", {n}, {}},
         masks{"masks", {n, 1, h, w}, {}};
     for (int k = 0; k < 4 * n; ++k) boxes.data.push_back(any(-100, 700));
-    for (int k = 0; k < n; ++k) labels.data.push_back(any(-3, 100));
+    for (int k = 0; k < n; ++k) labels.data.push_back(any(rng.chance(0.01) ? -3 : 0, 100));
     for (int k = 0; k < n; ++k) scores.data.push_back(any(0, 1));
     for (int k = 0; k < n * h * w; ++k) masks.data.push_back(any(0, 1));
     const Letterbox fit = fit_letterbox(640, 480, rng.integer(32, 640), rng.integer(32, 640));
@@ -205,6 +205,19 @@ TEST_CASE("any tensor is decoded or refused: boxes stay inside, masks fit their 
     };
     check([&] { return decode_yolo(predictions, prototypes, fit, kImage, {}, "m.onnx"); });
     check([&] { return decode_mask_rcnn(boxes, labels, scores, masks, fit, kImage, {}, "m.onnx"); });
+
+    const auto channels = rng.integer(0, 5);
+    Tensor dense{"out", {1, channels, h, w}, {}};
+    if (channels == 1 && rng.chance(0.5)) dense.shape = {1, h, w};  // labels instead of logits
+    for (int k = 0; k < channels * h * w; ++k) dense.data.push_back(any(-3, 300));
+    try {
+      const cv::Mat map = decode_semantic(dense, fit, kImage, rng.chance(0.5), "m.onnx");
+      CHECK(map.size() == kImage);
+      CHECK(map.type() == CV_8UC1);
+      ++decoded;
+    } catch (const InputError&) {
+      ++refusals;
+    }
   }
   CHECK(decoded > 50);
   CHECK(refusals > 50);
