@@ -63,7 +63,8 @@ TEST_CASE("exp equals the matrix exponential") {
 
 TEST_CASE_TEMPLATE("log inverts exp at zero, small, ordinary and nearly straight angles", S, float, double) {
   test::Rng rng("exp log");
-  for (const double angle : {0.0, 1e-12, 1e-8, 1e-5, 1e-3, 0.5, 2.0, 3.0, std::numbers::pi - 1e-3, std::numbers::pi - 1e-6}) {
+  for (const double angle :
+       {0.0, 1e-12, 1e-8, 1e-5, 1e-3, 0.5, 2.0, 3.0, std::numbers::pi - 1e-3, std::numbers::pi - 1e-6}) {
     for (int k = 0; k < 20; ++k) {
       Eigen::Matrix<double, 6, 1> xi;
       xi << random_vector(rng, 1.0), random_vector(rng, angle);
@@ -94,13 +95,31 @@ TEST_CASE("the left Jacobian is the derivative of exp, and its inverse the inver
   test::Rng rng("left jacobian");
   for (const double angle : {1e-9, 1e-4, 0.009, 0.011, 1.0, 3.0}) {
     const Eigen::Vector3d w = random_vector(rng, angle);
-    const auto f = [&](const Eigen::Vector3d& d) -> Eigen::Vector3d { return (SO3d::exp(w + d) * SO3d::exp(w).inverse()).log(); };
+    const auto f = [&](const Eigen::Vector3d& d) -> Eigen::Vector3d {
+      return (SO3d::exp(w + d) * SO3d::exp(w).inverse()).log();
+    };
     const Eigen::Matrix3d numeric = test::central_differences<3, 3>(f, Eigen::Vector3d::Zero().eval());
     CAPTURE(angle);
     CHECK(test::relative_error(SO3d::left_jacobian(w), numeric) < 1e-8);
-    CHECK((SO3d::left_jacobian(w) * SO3d::left_jacobian_inverse(w) - Eigen::Matrix3d::Identity()).norm() < 1e-10);
+    CHECK((SO3d::left_jacobian(w) * SO3d::left_jacobian_inverse(w) - Eigen::Matrix3d::Identity()).norm() <
+          1e-10);
     // Negative control: the right Jacobian, a sign away, must not pass.
     if (angle > 0.1) CHECK(test::relative_error(SO3d::left_jacobian(-w), numeric) > 1e-3);
+  }
+}
+
+TEST_CASE("the inverse left Jacobian of SE(3) is the derivative of log") {
+  test::Rng rng("se3 left jacobian");
+  for (const double angle : {0.0, 1e-5, 0.05, 0.099, 0.101, 1.0, 3.0}) {
+    SE3d::Vector6 xi;
+    xi << random_vector(rng, 0.7), random_vector(rng, angle);
+    const auto f = [&](const SE3d::Vector6& d) -> SE3d::Vector6 {
+      return (SE3d::exp(d) * SE3d::exp(xi)).log();
+    };
+    const SE3d::Matrix6 numeric = test::central_differences<6, 6>(f, SE3d::Vector6::Zero().eval());
+    CAPTURE(angle);
+    CHECK(test::relative_error(SE3d::left_jacobian_inverse(xi), numeric) < 1e-7);
+    if (angle > 0.04) CHECK(test::relative_error(SE3d::left_jacobian_inverse(-xi), numeric) > 1e-3);
   }
 }
 

@@ -52,7 +52,8 @@ class BrownConrady {
       if (error.squaredNorm() <= tolerance * tolerance) return x;
       const S determinant = J(0, 0) * J(1, 1) - J(0, 1) * J(1, 0);
       if (!(S(1e-6) < determinant)) return std::nullopt;  // folded over: no inverse here
-      x -= Vector2(J(1, 1) * error.x() - J(0, 1) * error.y(), J(0, 0) * error.y() - J(1, 0) * error.x()) / determinant;
+      x -= Vector2(J(1, 1) * error.x() - J(0, 1) * error.y(), J(0, 0) * error.y() - J(1, 0) * error.x()) /
+           determinant;
     }
     return distort(x).isApprox(d, S(100) * tolerance) ? std::optional<Vector2>(x) : std::nullopt;
   }

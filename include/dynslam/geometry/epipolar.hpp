@@ -21,7 +21,8 @@ namespace dynslam {
 /// Epipolar line F x in the second image, scaled so that (a, b) is a unit vector: a u + b v + c is a
 /// signed distance in pixels. A point at the epipole has no line: the zero vector.
 template <Scalar S>
-[[nodiscard]] Eigen::Matrix<S, 3, 1> epipolar_line(const Eigen::Matrix<S, 3, 3>& F, const Eigen::Matrix<S, 2, 1>& x) {
+[[nodiscard]] Eigen::Matrix<S, 3, 1> epipolar_line(const Eigen::Matrix<S, 3, 3>& F,
+                                                   const Eigen::Matrix<S, 2, 1>& x) {
   using std::sqrt;
   const Eigen::Matrix<S, 3, 1> line = F * x.homogeneous();
   const S norm = sqrt(line.x() * line.x() + line.y() * line.y());
@@ -50,10 +51,11 @@ template <Scalar S>
 
 /// F of two calibrated views: K_cur^-T [t]x R K_ref^-1 with T_cur_ref = (R, t). Zero for t = 0.
 template <Scalar S>
-[[nodiscard]] Eigen::Matrix<S, 3, 3> fundamental_from_pose(const Pinhole<S>& reference, const Pinhole<S>& current,
+[[nodiscard]] Eigen::Matrix<S, 3, 3> fundamental_from_pose(const Pinhole<S>& reference,
+                                                           const Pinhole<S>& current,
                                                            const SE3<S>& T_cur_ref) {
-  return current.K().inverse().transpose() * SO3<S>::hat(T_cur_ref.translation()) * T_cur_ref.rotation_matrix() *
-         reference.K().inverse();
+  return current.K().inverse().transpose() * SO3<S>::hat(T_cur_ref.translation()) *
+         T_cur_ref.rotation_matrix() * reference.K().inverse();
 }
 
 /// Whether two views are far enough apart for epipolar geometry to mean something.
@@ -63,8 +65,9 @@ enum class Baseline : std::uint8_t { sufficient, degenerate };
 /// where hardly anything is left, any F fits and the epipolar check says nothing.
 /// @param min_parallax_px  smallest sufficient median [px]
 template <std::floating_point S>
-[[nodiscard]] Baseline baseline_verdict(std::span<const Eigen::Matrix<S, 2, 1>> x, std::span<const Eigen::Matrix<S, 2, 1>> x_m,
-                                        const Pinhole<S>& camera, const SO3<S>& R_cur_ref, S min_parallax_px) {
+[[nodiscard]] Baseline baseline_verdict(std::span<const Eigen::Matrix<S, 2, 1>> x,
+                                        std::span<const Eigen::Matrix<S, 2, 1>> x_m, const Pinhole<S>& camera,
+                                        const SO3<S>& R_cur_ref, S min_parallax_px) {
   std::vector<S> parallax;
   parallax.reserve(x.size());
   for (std::size_t i = 0; i < std::min(x.size(), x_m.size()); ++i) {
@@ -99,17 +102,19 @@ template <std::floating_point S, class Point>
 /// @return nullopt with fewer than 8 matches or when they leave more than one F (coincident points,
 ///         pure rotation of exact data)
 template <std::floating_point S>
-[[nodiscard]] std::optional<Eigen::Matrix<S, 3, 3>> fundamental_eight_point(std::span<const Eigen::Matrix<S, 2, 1>> x,
-                                                                            std::span<const Eigen::Matrix<S, 2, 1>> x_m,
-                                                                            std::span<const int> index = {}) {
+[[nodiscard]] std::optional<Eigen::Matrix<S, 3, 3>> fundamental_eight_point(
+    std::span<const Eigen::Matrix<S, 2, 1>> x, std::span<const Eigen::Matrix<S, 2, 1>> x_m,
+    std::span<const int> index = {}) {
   using Matrix3 = Eigen::Matrix<S, 3, 3>;
   using Matrix9 = Eigen::Matrix<S, 9, 9>;
   const std::size_t n = index.empty() ? std::min(x.size(), x_m.size()) : index.size();
   if (n < 8) return std::nullopt;
   const auto at = [&](std::size_t k) { return index.empty() ? k : static_cast<std::size_t>(index[k]); };
   Matrix3 T, T_m;
-  if (!detail::normalising_transform<S>(n, [&](std::size_t k) { return x[at(k)]; }, T) ||
-      !detail::normalising_transform<S>(n, [&](std::size_t k) { return x_m[at(k)]; }, T_m)) {
+  if (!detail::normalising_transform<S>(
+          n, [&](std::size_t k) { return x[at(k)]; }, T) ||
+      !detail::normalising_transform<S>(
+          n, [&](std::size_t k) { return x_m[at(k)]; }, T_m)) {
     return std::nullopt;
   }
   Matrix9 AtA = Matrix9::Zero();
@@ -122,7 +127,8 @@ template <std::floating_point S>
   const Eigen::SelfAdjointEigenSolver<Matrix9> eigen(AtA);
   if (eigen.info() != Eigen::Success) return std::nullopt;
   // The second smallest eigenvalue must stand clear of rounding, or the null space is a plane.
-  if (!(eigen.eigenvalues()(1) > S(1e3) * Eigen::NumTraits<S>::epsilon() * eigen.eigenvalues()(8))) return std::nullopt;
+  if (!(eigen.eigenvalues()(1) > S(1e3) * Eigen::NumTraits<S>::epsilon() * eigen.eigenvalues()(8)))
+    return std::nullopt;
   const Eigen::Matrix<S, 9, 1> f = eigen.eigenvectors().col(0);
   Matrix3 F;
   F << f(0), f(1), f(2), f(3), f(4), f(5), f(6), f(7), f(8);
@@ -137,11 +143,11 @@ template <std::floating_point S>
 
 template <std::floating_point S>
 struct FundamentalRansacOptions {
-  S threshold_px = S(1);        ///< Sampson distance of an inlier [px]
-  S confidence = S(0.99);       ///< of having drawn one clean sample
+  S threshold_px = S(1);   ///< Sampson distance of an inlier [px]
+  S confidence = S(0.99);  ///< of having drawn one clean sample
   int max_iterations = 300;
   int min_inliers = 16;
-  std::uint64_t seed = 1;       ///< same seed and input: same result, on every platform
+  std::uint64_t seed = 1;  ///< same seed and input: same result, on every platform
 };
 
 enum class FundamentalStatus : std::uint8_t { ok, too_few_points, no_consensus };
@@ -167,7 +173,9 @@ class SplitMix64 {
     return z ^ (z >> 31);
   }
   /// Integer in [0, n).
-  [[nodiscard]] int below(int n) { return static_cast<int>((next() >> 32) * static_cast<std::uint64_t>(n) >> 32); }
+  [[nodiscard]] int below(int n) {
+    return static_cast<int>((next() >> 32) * static_cast<std::uint64_t>(n) >> 32);
+  }
 
  private:
   std::uint64_t state_;
@@ -213,7 +221,8 @@ template <std::floating_point S>
     const S share = static_cast<S>(inliers) / static_cast<S>(n);
     const S miss = std::log(S(1) - std::pow(share, S(kSample)));
     if (miss < S(0)) {
-      needed = std::min(needed, static_cast<int>(std::min(S(1e6), std::ceil(std::log(S(1) - options.confidence) / miss))));
+      needed = std::min(
+          needed, static_cast<int>(std::min(S(1e6), std::ceil(std::log(S(1) - options.confidence) / miss))));
     }
   }
   if (result.inliers < options.min_inliers) {

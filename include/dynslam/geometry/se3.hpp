@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
+
 #include "dynslam/geometry/so3.hpp"
 
 namespace dynslam {
@@ -54,6 +56,34 @@ class SE3 {
     const Matrix3 R = R_.matrix();
     Matrix6 m;
     m << R, SO3<S>::hat(t_) * R, Matrix3::Zero(), R;
+    return m;
+  }
+  /// Inverse of J_l(xi), where exp(xi + d) ~ exp(J_l(xi) d) exp(xi) (Barfoot, State Estimation for
+  /// Robotics, 7.1.5, with the translation first); valid for rotations below 2 pi.
+  [[nodiscard]] static Matrix6 left_jacobian_inverse(const Vector6& xi) {
+    using std::cos;
+    using std::sin;
+    using std::sqrt;
+    const Vector3 w = xi.template tail<3>();
+    const S t2 = w.squaredNorm();
+    S b, c, d;  // factors of the quadratic, cubic and quartic terms of Q
+    if (t2 < S(1e-2)) {
+      b = S(1) / S(6) - t2 / S(120) + t2 * t2 / S(5040);
+      c = S(1) / S(24) - t2 / S(720) + t2 * t2 / S(40320);
+      d = S(1) / S(120) - t2 / S(2520) + t2 * t2 / S(120960);
+    } else {
+      const S t = sqrt(t2), t4 = t2 * t2;
+      b = (t - sin(t)) / (t2 * t);
+      c = (t2 / S(2) + cos(t) - S(1)) / t4;
+      d = (t * (S(1) + S(0.5) * cos(t)) - S(1.5) * sin(t)) / (t4 * t);
+    }
+    const Matrix3 U = SO3<S>::hat(xi.template head<3>()), W = SO3<S>::hat(w);
+    const Matrix3 WU = W * U, UW = U * W, WUW = W * UW;
+    const Matrix3 Q =
+        S(0.5) * U + b * (WU + UW + WUW) + c * (W * WU + UW * W - S(3) * WUW) + d * (WUW * W + W * WUW);
+    const Matrix3 J = SO3<S>::left_jacobian_inverse(w);
+    Matrix6 m;
+    m << J, -J * Q * J, Matrix3::Zero(), J;
     return m;
   }
   template <Scalar T>
