@@ -148,6 +148,7 @@ void add_run_options(CLI::App& app, rt::RunOptions& o) {
   app.add_option("--map-resolution", o.map_resolution, "Edge of a voxel [m], 0.005 to 1")
       ->capture_default_str()
       ->check(number_in(0.005, 1.0));
+  app.add_option("--loops", o.tracker.close_loops, "Close loops")->capture_default_str();
   app.add_option("--max-frames", o.max_frames, "Stop after so many frames (0: all)")
       ->capture_default_str()
       ->check(whole());
@@ -281,7 +282,7 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->check(whole());
   synth_command->add_option("--frames", synth_options.frames, "Number of frames")->capture_default_str();
-  synth_command->add_option("--path", synth_options.path, "Camera path: static, xyz, rpy, halfsphere")
+  synth_command->add_option("--path", synth_options.path, "Camera path: static, xyz, rpy, halfsphere, loop")
       ->capture_default_str();
   synth_command->add_option("--scenario", synth_options.scenario, "walking, sitting, box, empty")
       ->capture_default_str();
@@ -289,6 +290,12 @@ int main(int argc, char** argv) {
   synth_command->add_option("--box", synth_options.box, "The first walker carries a box")
       ->capture_default_str();
   synth_command->add_option("--noise", synth_options.noise, "Noise of colour and depth")
+      ->capture_default_str();
+  synth_command
+      ->add_option("--blackout-from", synth_options.blackout_from, "First frame with the lens covered")
+      ->capture_default_str();
+  synth_command
+      ->add_option("--blackout-frames", synth_options.blackout_frames, "Frames with the lens covered")
       ->capture_default_str();
   synth_command->add_option("--fps", synth_options.fps, "Frames per second")
       ->capture_default_str()

@@ -18,26 +18,36 @@ namespace {
 namespace fs = std::filesystem;
 
 nlohmann::json to_json(const Statistics<double>& s) {
-  return {{"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median}, {"std", s.std}, {"min", s.min}, {"max", s.max}};
+  return {{"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median},
+          {"std", s.std},   {"min", s.min},   {"max", s.max}};
 }
 
 std::string row(std::string_view name, const Statistics<double>& s) {
-  return fmt::format("{:<22} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f}\n", name, s.rmse, s.mean, s.median, s.std, s.min, s.max);
+  return fmt::format("{:<22} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f}\n", name, s.rmse, s.mean,
+                     s.median, s.std, s.min, s.max);
 }
 
-double ratio(std::size_t a, std::size_t b) { return b > 0 ? static_cast<double>(a) / static_cast<double>(b) : 0.0; }
+double ratio(std::size_t a, std::size_t b) {
+  return b > 0 ? static_cast<double>(a) / static_cast<double>(b) : 0.0;
+}
 
 }  // namespace
 
-TrajectoryReport evaluate_trajectory(std::span<const StampedPose<double>> estimate, std::span<const StampedPose<double>> groundtruth,
+TrajectoryReport evaluate_trajectory(std::span<const StampedPose<double>> estimate,
+                                     std::span<const StampedPose<double>> groundtruth,
                                      const std::string& est_name, const std::string& gt_name) {
   const auto ate = absolute_trajectory_error<double>(estimate, groundtruth);
   if (!ate) {
-    throw InputError(gt_name, 0, fmt::format("cannot be aligned with {}: fewer than 3 poses within 0.02 s, or positions on one line or in one place", est_name));
+    throw InputError(gt_name, 0,
+                     fmt::format("cannot be aligned with {}: fewer than 3 poses within 0.02 s, or positions "
+                                 "on one line or in one place",
+                                 est_name));
   }
   const auto rpe = relative_pose_error<double>(estimate, groundtruth);
-  if (!rpe) throw InputError(est_name, 0, fmt::format("has fewer than 2 intervals of 1 s with ground truth in {}", gt_name));
-  return {*ate, *rpe};
+  if (!rpe)
+    throw InputError(est_name, 0,
+                     fmt::format("has fewer than 2 intervals of 1 s with ground truth in {}", gt_name));
+  return {*ate, *rpe, end_error<double>(estimate, groundtruth).value_or(0.0)};
 }
 
 TrajectoryReport evaluate_trajectory(const fs::path& estimate, const fs::path& groundtruth) {
@@ -49,14 +59,17 @@ nlohmann::json to_json(const TrajectoryReport& report) {
   return {{"pairs", report.ate.pairs},
           {"ate_m", to_json(report.ate.translation)},
           {"rpe_trans_m", to_json(report.rpe.translation)},
-          {"rpe_rot_deg", to_json(report.rpe.rotation_deg)}};
+          {"rpe_rot_deg", to_json(report.rpe.rotation_deg)},
+          {"end_error_m", report.end_error}};
 }
 
 std::string to_text(const TrajectoryReport& report) {
   return fmt::format("{} pairs{:>{}} {:>9} {:>9} {:>9} {:>9} {:>9}\n", report.ate.pairs, "RMSE",
-                     32 - 6 - static_cast<int>(std::to_string(report.ate.pairs).size()), "mean", "median", "S.D.", "min", "max") +
+                     32 - 6 - static_cast<int>(std::to_string(report.ate.pairs).size()), "mean", "median",
+                     "S.D.", "min", "max") +
          row("ATE [m]", report.ate.translation) + row("RPE translation [m/s]", report.rpe.translation) +
-         row("RPE rotation [deg/s]", report.rpe.rotation_deg);
+         row("RPE rotation [deg/s]", report.rpe.rotation_deg) +
+         fmt::format("{:<22} {:>9.6f}\n", "first to last [m]", report.end_error);
 }
 
 MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth) {
@@ -76,7 +89,8 @@ MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth) {
     cv::Mat found = cv::Mat::zeros(expected.size(), CV_8UC1);
     if (fs::exists(predicted / name)) {
       found = read_image(predicted / name, cv::IMREAD_GRAYSCALE) != 0;
-      if (found.size() != expected.size()) throw InputError((predicted / name).string(), 0, "and its truth differ in size");
+      if (found.size() != expected.size())
+        throw InputError((predicted / name).string(), 0, "and its truth differ in size");
     } else {
       ++report.missing;
     }
@@ -89,7 +103,8 @@ MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth) {
     if (wanted > 0 && ratio(common, wanted) < 0.3) ++report.frames_recall_below_0_3;
     ++report.frames;
   }
-  if (report.missing == report.frames) throw InputError(predicted.string(), 0, "has no mask in common with " + truth.string());
+  if (report.missing == report.frames)
+    throw InputError(predicted.string(), 0, "has no mask in common with " + truth.string());
   report.iou = ratio(both, either);
   report.recall = ratio(both, in_truth);
   report.precision = ratio(both, in_prediction);
@@ -97,13 +112,19 @@ MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth) {
 }
 
 nlohmann::json to_json(const MaskReport& r) {
-  return {{"frames", r.frames}, {"missing", r.missing}, {"iou", r.iou}, {"recall", r.recall}, {"precision", r.precision},
+  return {{"frames", r.frames},
+          {"missing", r.missing},
+          {"iou", r.iou},
+          {"recall", r.recall},
+          {"precision", r.precision},
           {"frames_recall_below_0_3", r.frames_recall_below_0_3}};
 }
 
 std::string to_text(const MaskReport& r) {
-  return fmt::format("{} frames ({} without a prediction): recall {:.4f}, IoU {:.4f}, precision {:.4f}, {} frames with recall below 0.3\n",
-                     r.frames, r.missing, r.recall, r.iou, r.precision, r.frames_recall_below_0_3);
+  return fmt::format(
+      "{} frames ({} without a prediction): recall {:.4f}, IoU {:.4f}, precision {:.4f}, {} frames with "
+      "recall below 0.3\n",
+      r.frames, r.missing, r.recall, r.iou, r.precision, r.frames_recall_below_0_3);
 }
 
 }  // namespace dynslam::runtime

@@ -9,7 +9,7 @@
 
 namespace dynslam::runtime {
 
-void LocalBundle::start(const LocalMap& map, double depth_base, double depth_quad) {
+void LocalBundle::start(const LocalMap& map, const DepthNoise<double>& noise, int window_size) {
   const auto& keyframes = map.keyframes();
   const auto& all_points = map.points();
   newest_ = static_cast<int>(keyframes.size()) - 1;
@@ -37,7 +37,8 @@ void LocalBundle::start(const LocalMap& map, double depth_base, double depth_qua
   };
   votes_.assign(keyframes.size(), 0);
   vote(newest_);
-  keyframe_ids_ = best(options_.window - 1, [&](int k) { return k != newest_ && k != 0; });
+  keyframe_ids_ = best((window_size > 0 ? window_size : options_.window) - 1,
+                       [&](int k) { return k != newest_ && k != 0; });
   if (newest_ != 0) keyframe_ids_.push_back(newest_);
   const std::size_t window = keyframe_ids_.size();
   votes_.assign(keyframes.size(), 0);
@@ -89,14 +90,9 @@ void LocalBundle::start(const LocalMap& map, double depth_base, double depth_qua
       if (j < 0) continue;
       const std::size_t at = first[static_cast<std::size_t>(j)]++;
       const Feature& feature = frame.features[f];
-      const auto sigma = static_cast<double>(feature.sigma), z = static_cast<double>(feature.depth);
-      const double sigma_z = depth_base + depth_quad * z * z;
-      observations_[at] = {static_cast<int>(i),
-                           j,
-                           Eigen::Vector2d(feature.x, feature.y),
-                           z,
-                           1 / (sigma * sigma),
-                           feature.depth > 0 ? 1 / (sigma_z * sigma_z) : 0.0};
+      const PoseObservation<double> o =
+          observe(feature, all_points[static_cast<std::size_t>(frame.point[f])].p_w, noise);
+      observations_[at] = {static_cast<int>(i), j, o.x, o.depth, o.inv_sigma_px2, o.inv_sigma_z2};
       sights_[at] = {keyframe_ids_[i], static_cast<int>(f)};
     }
   }

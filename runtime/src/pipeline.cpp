@@ -99,6 +99,14 @@ nlohmann::json summary_json(const RunOptions& options, const CameraConfig& camer
   j["problems"] = s.problems;
   for (const auto& [name, value] : s.stages)
     j["stages"][name] = {{"median_ms", value.median_ms}, {"p95_ms", value.p95_ms}};
+  j["loops"] = nlohmann::json::array();
+  for (const LoopClosing& loop : s.loops) {
+    j["loops"].push_back({{"keyframe", loop.keyframe},
+                          {"seen_again", loop.seen_again},
+                          {"inliers", loop.inliers},
+                          {"merged", loop.merged},
+                          {"shift_m", loop.D.translation().norm()}});
+  }
   j["fps"] = s.fps;
   j["peak_rss_mb"] = s.peak_rss_mb;
   const TrackerOptions& t = options.tracker;
@@ -220,6 +228,7 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
             result.state == TrackingState::tracked || result.state == TrackingState::relocalised;
         if (tracked) {
           ++summary.tracked;
+          if (result.loop) summary.loops.push_back(*result.loop);
           poses.push_back({frame.t, result.reference, result.T_c_reference, result.keyframe});
         } else {
           ++summary.lost;
@@ -261,8 +270,7 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
   tracker.finish();
   std::vector<StampedPose<double>> keyframes;
   for (const FramePose& pose : poses) {
-    const SE3<double>& T_reference =
-        tracker.map().keyframes()[static_cast<std::size_t>(pose.reference)].frame.T_c_w;
+    const SE3<double> T_reference = tracker.map().pose(pose.reference);
     summary.trajectory.push_back({pose.t, (pose.T_c_reference * T_reference).inverse()});
     if (pose.keyframe) keyframes.push_back(summary.trajectory.back());
   }

@@ -49,7 +49,8 @@ class Shake {
     }
   }
   [[nodiscard]] double operator()(std::size_t axis, double t) const {
-    return 0.5 * std::sin(4.1 * t + phase_[axis][0]) + 0.3 * std::sin(7.3 * t + phase_[axis][1]) + 0.2 * std::sin(13.7 * t + phase_[axis][2]);
+    return 0.5 * std::sin(4.1 * t + phase_[axis][0]) + 0.3 * std::sin(7.3 * t + phase_[axis][1]) +
+           0.2 * std::sin(13.7 * t + phase_[axis][2]);
   }
 
  private:
@@ -70,7 +71,15 @@ SE3<double> camera_pose(const std::string& path, double t, const Shake& shake) {
     turn += Vector3d(0.14 * wave(0.29), 0.22 * wave(0.19), 0.20 * wave(0.37));
   } else if (path == "halfsphere") {
     const double azimuth = 0.5 * wave(0.09), elevation = 0.24 + 0.16 * wave(0.13), radius = 3.1;
-    eye = target + radius * Vector3d(std::sin(azimuth) * std::cos(elevation), -std::cos(azimuth) * std::cos(elevation), std::sin(elevation));
+    eye = target + radius * Vector3d(std::sin(azimuth) * std::cos(elevation),
+                                     -std::cos(azimuth) * std::cos(elevation), std::sin(elevation));
+  }
+  if (path == "loop") {  // outwards, on a circle
+    const double a = 2 * std::numbers::pi * t / 18.0;
+    const Vector3d out(std::sin(a), std::cos(a), 0), centre(0, -0.4, 1.35);
+    eye = centre + 0.55 * out + Vector3d(0, 0, 0.12 * std::sin(2 * a)) +
+          0.004 * Vector3d(shake(3, t), shake(4, t), shake(5, t));
+    return look_at(eye, eye + out + Vector3d(0, 0, -0.12), turn);
   }
   const double shiver = path == "static" ? 0.002 : 0.004;
   eye += shiver * Vector3d(shake(3, t), shake(4, t), shake(5, t));
@@ -81,14 +90,16 @@ void check(const SynthOptions& o) {
   const auto one_of = [](const std::string& value, std::initializer_list<const char*> allowed) {
     return std::find(allowed.begin(), allowed.end(), value) != allowed.end();
   };
-  if (!one_of(o.path, {"static", "xyz", "rpy", "halfsphere"})) {
-    throw UsageError(fmt::format("unknown camera path '{}': static, xyz, rpy or halfsphere", o.path));
+  if (!one_of(o.path, {"static", "xyz", "rpy", "halfsphere", "loop"})) {
+    throw UsageError(fmt::format("unknown camera path '{}': static, xyz, rpy, halfsphere or loop", o.path));
   }
   if (!one_of(o.scenario, {"walking", "sitting", "box", "empty"})) {
     throw UsageError(fmt::format("unknown scenario '{}': walking, sitting, box or empty", o.scenario));
   }
   if (o.frames < 1 || o.frames > 100000) throw UsageError("--frames must be from 1 to 100000");
   if (o.walkers < 0 || o.walkers > 8) throw UsageError("--walkers must be from 0 to 8");
+  if (o.blackout_from < 0 || o.blackout_frames < 0)
+    throw UsageError("a blackout cannot begin or last less than 0 frames");
   if (!(o.fps >= 1 && o.fps <= 240)) throw UsageError("--fps must be from 1 to 240");
 }
 
@@ -101,7 +112,8 @@ void write_lines(const fs::path& path, const std::string& text) {
 
 }  // namespace
 
-void synthesize(const SynthOptions& options, const fs::path& out, const std::function<void(int, int)>& progress) {
+void synthesize(const SynthOptions& options, const fs::path& out,
+                const std::function<void(int, int)>& progress) {
   check(options);
   for (const char* folder : {"rgb", "depth", "label", "instance", "dynamic_mask", "box_mask"}) {
     std::error_code error;
@@ -119,19 +131,28 @@ void synthesize(const SynthOptions& options, const fs::path& out, const std::fun
   for (int i = 0; i < options.frames; ++i) {
     // Microseconds as integers: stamps are exact in the text and in the poses alike.
     const auto microseconds = static_cast<long long>(std::llround(1e6 * i / options.fps));
-    const std::string stamp = fmt::format("{}.{:06}", static_cast<long long>(kStart) + microseconds / 1000000, microseconds % 1000000);
+    const std::string stamp = fmt::format("{}.{:06}", static_cast<long long>(kStart) + microseconds / 1000000,
+                                          microseconds % 1000000);
     stamps.push_back(stamp);
     rgb_list += fmt::format("{0} rgb/{0}.png\n", stamp);
     depth_list += fmt::format("{0} depth/{0}.png\n", stamp);
     associations += fmt::format("{0} rgb/{0}.png {0} depth/{0}.png\n", stamp);
-    truth.push_back({kStart + static_cast<double>(microseconds) * 1e-6, camera_pose(options.path, i / options.fps, shake)});
+    truth.push_back({kStart + static_cast<double>(microseconds) * 1e-6,
+                     camera_pose(options.path, i / options.fps, shake)});
   }
 
   const auto make_frame = [&](int i) {
     const double t = i / options.fps;
     synth::Random frame_random(options.seed * 0x9E3779B1ULL + static_cast<std::uint64_t>(i) * 7919 + 11);
     const auto triangles = scene.triangles(t);
-    synth::Rendering picture = synth::render(triangles, scene.textures(), camera, truth[static_cast<std::size_t>(i)].T_w_c.inverse(), kWidth, kHeight);
+    synth::Rendering picture =
+        synth::render(triangles, scene.textures(), camera, truth[static_cast<std::size_t>(i)].T_w_c.inverse(),
+                      kWidth, kHeight);
+    if (i >= options.blackout_from && i < options.blackout_from + options.blackout_frames) {
+      for (cv::Mat* image :
+           {&picture.bgr, &picture.depth, &picture.label, &picture.instance, &picture.dynamic, &picture.box})
+        image->setTo(0);
+    }
     const cv::Mat depth = [&] {
       if (options.noise) return synth::sense_depth(picture, camera.fx(), frame_random);
       cv::Mat raw;
@@ -145,7 +166,8 @@ void synthesize(const SynthOptions& options, const fs::path& out, const std::fun
       for (const double shift : {-0.25, -0.125, 0.125, 0.25}) {
         const double ts = t + shift / options.fps;
         cv::Mat part;
-        synth::render(scene.triangles(ts), scene.textures(), camera, camera_pose(options.path, ts, shake).inverse(), kWidth, kHeight)
+        synth::render(scene.triangles(ts), scene.textures(), camera,
+                      camera_pose(options.path, ts, shake).inverse(), kWidth, kHeight)
             .bgr.convertTo(part, CV_32FC3);
         sum += part;
       }
@@ -201,11 +223,21 @@ void synthesize(const SynthOptions& options, const fs::path& out, const std::fun
   write_lines(out / "associations.txt", associations);
   write_trajectory(out / "groundtruth.txt", truth);
   write_lines(out / "camera.txt",
-              fmt::format("name = synthetic\nwidth = {}\nheight = {}\nfx = {}\nfy = {}\ncx = {}\ncy = {}\ndepth_units_per_metre = 5000\n",
+              fmt::format("name = synthetic\nwidth = {}\nheight = {}\nfx = {}\nfy = {}\ncx = {}\ncy = "
+                          "{}\ndepth_units_per_metre = 5000\n",
                           kWidth, kHeight, camera.fx(), camera.fy(), camera.cx(), camera.cy()));
-  const nlohmann::json options_json{{"seed", options.seed}, {"frames", options.frames}, {"path", options.path}, {"scenario", options.scenario},
-                                    {"walkers", options.walkers}, {"box", options.box}, {"exposure_change", options.exposure_change},
-                                    {"motion_blur", options.motion_blur}, {"noise", options.noise}, {"fps", options.fps}};
+  const nlohmann::json options_json{{"seed", options.seed},
+                                    {"frames", options.frames},
+                                    {"path", options.path},
+                                    {"scenario", options.scenario},
+                                    {"walkers", options.walkers},
+                                    {"box", options.box},
+                                    {"exposure_change", options.exposure_change},
+                                    {"motion_blur", options.motion_blur},
+                                    {"noise", options.noise},
+                                    {"blackout_from", options.blackout_from},
+                                    {"blackout_frames", options.blackout_frames},
+                                    {"fps", options.fps}};
   write_lines(out / "synth.json", options_json.dump(2) + "\n");
 }
 

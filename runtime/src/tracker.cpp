@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <opencv2/calib3d.hpp>
-#include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
@@ -15,7 +13,6 @@ namespace dynslam::runtime {
 namespace {
 
 constexpr int kMatchFar = 100;  // Hamming distance accepted where the geometry already limits the search
-constexpr int kMatchNear = 60;  // and where it does not
 constexpr std::size_t kInitialFeatures = 100;  // with depth, to start a map
 
 double& time_of(StageTimes& times, Stage stage) {
@@ -65,7 +62,9 @@ Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
       options_(options),
       extractor_(options.features),
       geometry_(camera, options.geometry),
-      bundle_(camera.model.pinhole(), options.local_bundle) {
+      bundle_(camera.model.pinhole(), options.local_bundle),
+      verifier_(camera, options.depth_noise, options.relocalisation),
+      loops_(camera, options.depth_noise, options.loops) {
   undistort_lut_.resize(static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height));
   for (int v = 0; v < camera_.height; ++v) {
     for (int u = 0; u < camera_.width; ++u) {
@@ -76,11 +75,6 @@ Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
                 : cv::Point2f(-1e6F, -1e6F);
     }
   }
-}
-
-double Tracker::depth_information(double z) const {
-  const double sigma = options_.depth_noise_base + options_.depth_noise_quad * z * z;
-  return 1.0 / (sigma * sigma);
 }
 
 Eigen::Vector3d Tracker::point_of(const Frame& frame, int feature) const {
@@ -213,8 +207,8 @@ int Tracker::match_last(Frame& frame, const SE3<double>& T_c_w, float radius) {
   match_distance_.assign(frame.features.size(), 257);
   int matches = 0;
   for (std::size_t i = 0; i < last_.features.size(); ++i) {
-    const int id = last_.point[i];
-    if (id < 0 || map_.point(id).bad || last_.dynamic[i] != 0) continue;
+    const int id = map_.present(last_.point[i]);
+    if (id < 0 || last_.dynamic[i] != 0) continue;
     const MapPoint& p = map_.point(id);
     const auto x = pinhole.project(T_c_w * p.p_w);
     if (!x) continue;
@@ -268,7 +262,7 @@ bool Tracker::align(const MapPoint& p, const SE3<double>& T_c_w, const Eigen::Ve
   // The patch is taken for a plane that faced the camera which cut it.
   const auto& pinhole = camera_.model.pinhole();
   const Eigen::Vector3d p_c = T_c_w * p.p_w;
-  const SE3<double>& T_ref_w = map_.keyframes()[static_cast<std::size_t>(p.patch.keyframe)].frame.T_c_w;
+  const SE3<double> T_ref_w = map_.pose(p.patch.keyframe);
   const Eigen::Matrix3d R = (T_c_w.so3() * T_ref_w.so3().inverse()).matrix();
   Pinhole<double>::Jacobian J;
   if (!pinhole.project(p_c, &J)) return false;
@@ -374,15 +368,7 @@ void Tracker::gather(const Frame& frame) {
   observation_feature_.clear();
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
     if (frame.point[i] < 0 || frame.dynamic[i] != 0) continue;
-    const Feature& f = frame.features[i];
-    const auto sigma = static_cast<double>(f.sigma);
-    PoseObservation<double> o;
-    o.p_w = map_.point(frame.point[i]).p_w;
-    o.x = Eigen::Vector2d(f.x, f.y);
-    o.depth = static_cast<double>(f.depth);
-    o.inv_sigma_px2 = 1.0 / (sigma * sigma);
-    o.inv_sigma_z2 = f.depth > 0 ? depth_information(o.depth) : 0.0;
-    observations_.push_back(o);
+    observations_.push_back(observe(frame.features[i], map_.point(frame.point[i]).p_w, options_.depth_noise));
     observation_feature_.push_back(static_cast<int>(i));
   }
 }
@@ -404,63 +390,26 @@ PoseResult<double> Tracker::optimise(Frame& frame, const SE3<double>& start, boo
 }
 
 bool Tracker::relocalise(Frame& frame, const cv::Mat& depth, SE3<double>& T_c_w) {
-  const auto& keyframes = map_.keyframes();
-  constexpr std::size_t kTried = 15;
-  cv::Matx33d K(camera_.model.pinhole().fx(), 0, camera_.model.pinhole().cx(), 0,
-                camera_.model.pinhole().fy(), camera_.model.pinhole().cy(), 0, 0, 1);
-  const std::size_t step = std::max<std::size_t>(1, keyframes.size() / kTried);
-  for (std::size_t back = 0; back < keyframes.size(); back += back < 5 ? 1 : step) {
-    const Frame& kf = keyframes[keyframes.size() - 1 - back].frame;
-    std::vector<cv::Point3d> object;
-    std::vector<cv::Point2d> image;
-    std::vector<std::pair<int, int>> pairs;  // feature, point
-    for (std::size_t i = 0; i < frame.features.size(); ++i) {
-      if (frame.dynamic[i] != 0) continue;
-      int best = -1, distance = 257, second = 257;
-      for (std::size_t j = 0; j < kf.features.size(); ++j) {
-        if (kf.point[j] < 0) continue;
-        const int d = hamming_distance(frame.descriptors[i], kf.descriptors[j]);
-        if (d < distance) {
-          second = distance;
-          distance = d;
-          best = static_cast<int>(j);
-        } else if (d < second) {
-          second = d;
-        }
-      }
-      if (best < 0 || distance > kMatchNear || 10 * distance > 8 * second) continue;
-      const int id = kf.point[static_cast<std::size_t>(best)];
-      if (map_.point(id).bad) continue;
-      const Eigen::Vector3d& p = map_.point(id).p_w;
-      object.emplace_back(p.x(), p.y(), p.z());
-      image.emplace_back(frame.features[i].x, frame.features[i].y);
-      pairs.emplace_back(static_cast<int>(i), id);
-    }
-    if (object.size() < 15) continue;
-    cv::Vec3d rvec, tvec;
-    std::vector<int> inliers;
-    if (!cv::solvePnPRansac(object, image, K, cv::noArray(), rvec, tvec, false, 200, 4.0F, 0.99, inliers,
-                            cv::SOLVEPNP_EPNP) ||
-        inliers.size() < 12) {
-      continue;
-    }
-    cv::Matx33d R;
-    cv::Rodrigues(rvec, R);
-    Eigen::Matrix3d rotation;
-    cv::cv2eigen(cv::Mat(R), rotation);
-    const SE3<double> guess(Eigen::Quaterniond(rotation), Eigen::Vector3d(tvec[0], tvec[1], tvec[2]));
+  places_.query(frame, places_found_);
+  if (places_found_.size() > static_cast<std::size_t>(options_.relocalisation_candidates))
+    places_found_.resize(static_cast<std::size_t>(options_.relocalisation_candidates));
+  // The place of last is worth a look even where the index does not name it.
+  const int newest = map_.newest();
+  if (std::none_of(places_found_.begin(), places_found_.end(),
+                   [&](const auto& f) { return f.second == newest; }))
+    places_found_.emplace_back(0, newest);
+  for (const auto& [votes, keyframe] : places_found_) {
     std::fill(frame.point.begin(), frame.point.end(), -1);
     drop_unmatched(frame);
-    for (const int k : inliers)
-      frame.point[static_cast<std::size_t>(pairs[static_cast<std::size_t>(k)].first)] =
-          pairs[static_cast<std::size_t>(k)].second;
-    PoseResult<double> result = optimise(frame, guess, true);
-    match_local(frame, result.T_c_w, depth);
-    result = optimise(frame, result.T_c_w, true);
-    if (result.inliers >= 2 * options_.min_inliers) {
-      T_c_w = result.T_c_w;
-      return true;
-    }
+    const auto found = verifier_.verify(map_, frame, depth, keyframe);
+    if (!found) continue;
+    for (const auto& [feature, point] : found->matches)
+      frame.point[static_cast<std::size_t>(feature)] = point;
+    match_local(frame, found->T_c_w, depth);
+    const PoseResult<double> result = optimise(frame, found->T_c_w, true);
+    if (result.inliers < 2 * options_.min_inliers) continue;
+    T_c_w = result.T_c_w;
+    return true;
   }
   return false;
 }
@@ -496,8 +445,20 @@ void Tracker::give_back_resting(const Masks& prior, const cv::Mat& depth, const 
 }
 
 void Tracker::finish() {
-  if (!bundle_.pending()) return;
+  (void)settle();
+}
+
+SE3<double> Tracker::settle() {
+  if (!bundle_.pending()) return {};
   const SE3<double> D = bundle_.apply(map_);
+  follow(D);
+  for (const int id :
+       map_.cull_keyframes(map_.newest(), options_.redundant_keyframe, options_.spare_keyframes))
+    places_.remove(id);
+  return D;
+}
+
+void Tracker::follow(const SE3<double>& D) {
   last_.T_c_w = last_.T_c_w * D;
   geometry_.follow(D);
 }
@@ -520,8 +481,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
       semantic.empty() ? cv::Mat::zeros(input.gray.size(), CV_8UC1) : prior->dynamic.clone();
   time_of(result.times, Stage::features) = watch.lap_ms();
 
-  if (bundle_.pending() && input.index >= bundle_started_ + static_cast<std::size_t>(options_.bundle_delay))
-    finish();
+  if (bundle_.pending() && input.index >= bundle_due_) finish();
   if (!initialised_) {
     if (initialise(frame, input)) {
       result.state = TrackingState::tracked;
@@ -622,12 +582,12 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   lost_frames_ = 0;
   if (uses_geometry(options_.dynamics)) geometry_.remember(input.depth, T_c_w, result.dynamic_mask, true);
   if (wants_keyframe(frame, result.inliers)) {
-    insert_keyframe(frame, input);
+    result.loop = insert_keyframe(frame, input);
     result.keyframe = true;
   }
-  result.T_w_c = T_c_w.inverse();
-  result.reference = map_.keyframes().back().id;
-  result.T_c_reference = T_c_w * map_.keyframes().back().frame.T_c_w.inverse();
+  result.T_w_c = frame.T_c_w.inverse();
+  result.reference = map_.newest();
+  result.T_c_reference = frame.T_c_w * map_.keyframes().back().frame.T_c_w.inverse();
   last_ = std::move(frame);
   time_of(result.times, Stage::keyframe) = watch.lap_ms();
   time_of(result.times, Stage::tracking) = whole.lap_ms();
@@ -649,7 +609,7 @@ bool Tracker::wants_keyframe(const Frame& frame, int inliers) const {
 bool Tracker::needs_patch(const MapPoint& p, const Frame& frame) const {
   if (p.patch.level < 0) return true;
   // Seen from elsewhere it looks different: a third nearer or farther, or 20 degrees around.
-  const SE3<double>& T_ref_w = map_.keyframes()[static_cast<std::size_t>(p.patch.keyframe)].frame.T_c_w;
+  const SE3<double> T_ref_w = map_.pose(p.patch.keyframe);
   const Eigen::Vector3d before = p.p_w - T_ref_w.inverse().translation(),
                         now = p.p_w - frame.T_c_w.inverse().translation();
   const double ratio = now.norm() / before.norm();
@@ -666,7 +626,8 @@ void Tracker::cut_patch(MapPoint& p, const Feature& f) const {
   p.patch = patch;
 }
 
-void Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
+std::optional<LoopClosing> Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
+  frame.T_c_w = frame.T_c_w * settle();  // the bundle adjustment writes the map, and so does what follows
   const Eigen::Vector3d centre = frame.T_c_w.inverse().translation();
   // A mover that has just come into view is not found yet. Where enough of the view is known to have
   // stayed, points are made there alone, and newly seen parts have to wait until they are known, too.
@@ -701,7 +662,7 @@ void Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
       MapPoint& p = map_.point(frame.point[i]);
       p.viewing += (p.p_w - centre).normalized();
       if (has_depth && !options_.bundle) {  // information-weighted mean of what the keyframes measured
-        const double information = depth_information(static_cast<double>(f.depth));
+        const double information = options_.depth_noise.information(static_cast<double>(f.depth));
         p.p_w = (p.information * p.p_w + information * point_of(frame, static_cast<int>(i))) /
                 (p.information + information);
         p.information += information;
@@ -715,7 +676,7 @@ void Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
     p.p_w = point_of(frame, static_cast<int>(i));
     p.viewing = (p.p_w - centre).normalized();
     p.descriptor = frame.descriptors[i];
-    p.information = depth_information(static_cast<double>(f.depth));
+    p.information = options_.depth_noise.information(static_cast<double>(f.depth));
     p.reference_distance = static_cast<float>((p.p_w - centre).norm());
     p.reference_octave = f.octave;
     p.visible = p.found = 1;
@@ -726,17 +687,29 @@ void Tracker::insert_keyframe(Frame& frame, const RgbdFrame& input) {
   frame.grid.build(frame.features, camera_.width, camera_.height);
   const int id = map_.add_keyframe(frame);
   map_.cull();
+  std::optional<LoopClosing> loop;
+  if (options_.close_loops) {
+    loop = loops_.close(map_, places_, id, input.depth);
+    if (loop) {
+      follow(loop->D);
+      frame.T_c_w = map_.keyframe(id).frame.T_c_w;
+      frame.point = map_.keyframe(id).frame.point;
+    }
+  }
+  places_.add(id, map_.keyframe(id).frame);
   last_keyframe_index_ = frame.index;
   last_keyframe_tracked_ = tracked;
-  if (options_.bundle && id > 0 && !bundle_.pending()) {
-    bundle_.start(map_, options_.depth_noise_base, options_.depth_noise_quad);
-    bundle_started_ = frame.index;
+  if (options_.bundle && id > 0) {
+    bundle_.start(map_, options_.depth_noise, loop ? options_.loop_bundle_window : 0);
+    bundle_due_ =
+        frame.index + static_cast<std::size_t>(loop ? options_.loop_bundle_delay : options_.bundle_delay);
   }
   if (uses_geometry(options_.dynamics) &&
       (!geometry_.has_reference() || id - reference_id_ > options_.reference_distance)) {
     geometry_.set_reference(frame, input.gray);
     reference_id_ = id;
   }
+  return loop;
 }
 
 }  // namespace dynslam::runtime

@@ -25,6 +25,19 @@ std::vector<StampedPose<double>> wander(test::Rng& rng, int n) {
 
 }  // namespace
 
+TEST_CASE("the end error is that of the motion from first to last, whatever the frames of reference") {
+  std::vector<StampedPose<double>> truth, estimate;
+  const SE3d frame(SO3d::exp(Eigen::Vector3d(0.3, -1.0, 0.4)), Eigen::Vector3d(5, 6, 7));
+  for (int k = 0; k <= 10; ++k) {
+    truth.push_back({double(k), SE3d(SO3d::exp(Eigen::Vector3d(0, 0.1 * k, 0)), Eigen::Vector3d(k, 0, 0))});
+    const Eigen::Vector3d drift(0, 0.003 * k, 0.004 * k);
+    estimate.push_back(
+        {double(k), frame * SE3d(truth.back().T_w_c.so3(), truth.back().T_w_c.translation() + drift)});
+  }
+  CHECK(*end_error<double>(estimate, truth) == doctest::Approx(0.05));
+  CHECK_FALSE(end_error<double>(std::span(estimate).first(1), truth));
+}
+
 TEST_CASE("association is one-to-one, nearest first, within the limit") {
   const std::vector<double> a{0.00, 0.03, 0.06, 1.00}, b{0.010, 0.029, 0.058, 0.071, 1.03};
   const auto pairs = associate<double>(a, b, 0.02);
@@ -55,7 +68,8 @@ TEST_CASE("association is one-to-one, nearest first, within the limit") {
 TEST_CASE_TEMPLATE("alignment undoes any rigid motion, and never a scale", S, float, double) {
   test::Rng rng("horn");
   std::vector<Eigen::Matrix<S, 3, 1>> a, b, twice;
-  const SE3<S> T = SE3<S>::exp((Eigen::Matrix<S, 6, 1>() << S(1), S(-2), S(3), S(0.5), S(2), S(-1)).finished());
+  const SE3<S> T =
+      SE3<S>::exp((Eigen::Matrix<S, 6, 1>() << S(1), S(-2), S(3), S(0.5), S(2), S(-1)).finished());
   for (int i = 0; i < 50; ++i) {
     a.emplace_back(static_cast<S>(rng.normal()), static_cast<S>(rng.normal()), static_cast<S>(rng.normal()));
     b.push_back(T * a.back());
@@ -63,7 +77,8 @@ TEST_CASE_TEMPLATE("alignment undoes any rigid motion, and never a scale", S, fl
   }
   const auto found = horn_alignment<S>(a, b);
   REQUIRE(found);
-  CHECK(static_cast<double>((found->matrix() - T.matrix()).norm()) < (std::is_same_v<S, float> ? 1e-5 : 1e-12));
+  CHECK(static_cast<double>((found->matrix() - T.matrix()).norm()) <
+        (std::is_same_v<S, float> ? 1e-5 : 1e-12));
   const auto scaled = horn_alignment<S>(a, twice);
   REQUIRE(scaled);
   CHECK(static_cast<double>(scaled->rotation_matrix().determinant()) == doctest::Approx(1.0));
@@ -98,7 +113,9 @@ TEST_CASE("a rigidly moved copy has no error; a shaken one has the error it was 
   REQUIRE(rpe);
   CHECK(rpe->translation.max < 1e-10);
   CHECK(rpe->rotation_deg.max < 1e-6);
-  for (auto& p : estimate) p.T_w_c = SE3d(p.T_w_c.so3(), p.T_w_c.translation() + 0.01 * Eigen::Vector3d(rng.normal(), rng.normal(), rng.normal()));
+  for (auto& p : estimate)
+    p.T_w_c = SE3d(p.T_w_c.so3(),
+                   p.T_w_c.translation() + 0.01 * Eigen::Vector3d(rng.normal(), rng.normal(), rng.normal()));
   ate = absolute_trajectory_error<double>(estimate, truth);
   CHECK(ate->translation.rmse == doctest::Approx(0.01 * std::sqrt(3.0)).epsilon(0.1));
 }

@@ -67,7 +67,7 @@ TEST_CASE("the newest keyframes and their points are put right, wrong sights are
   World w = make_world(rng, 20);
   const SE3d before = w.map.keyframes().back().frame.T_c_w;
   LocalBundle bundle(kCamera, {});
-  bundle.start(w.map, 0.004, 0.008);
+  bundle.start(w.map, DepthNoise<double>{0.004, 0.008});
   CHECK(bundle.pending());
   const SE3d D = bundle.apply(w.map);
   CHECK_FALSE(bundle.pending());
@@ -87,7 +87,7 @@ TEST_CASE("what was added while the adjustment ran follows the newest adjusted k
   test::Rng rng("local bundle meanwhile");
   World w = make_world(rng, 0);
   LocalBundle bundle(kCamera, {});
-  bundle.start(w.map, 0.004, 0.008);
+  bundle.start(w.map, DepthNoise<double>{0.004, 0.008});
   Frame later;
   later.T_c_w = SE3d(SO3d(), Eigen::Vector3d(0, 0, 0.1)) * w.map.keyframes().back().frame.T_c_w;
   MapPoint point;

@@ -30,8 +30,10 @@ struct StampedPose {
 /// @param a, b  increasing time stamps [s]
 /// @param offset  added to b's stamps [s]
 template <std::floating_point S>
-[[nodiscard]] std::vector<std::pair<std::size_t, std::size_t>> associate(std::span<const S> a, std::span<const S> b,
-                                                                         S max_difference = S(0.02), S offset = S(0)) {
+[[nodiscard]] std::vector<std::pair<std::size_t, std::size_t>> associate(std::span<const S> a,
+                                                                         std::span<const S> b,
+                                                                         S max_difference = S(0.02),
+                                                                         S offset = S(0)) {
   std::vector<std::tuple<S, std::size_t, std::size_t>> candidates;
   std::size_t first = 0;
   for (std::size_t i = 0; i < a.size(); ++i) {
@@ -128,9 +130,9 @@ template <std::floating_point S>
 /// Absolute trajectory error after SE(3) alignment, as TUM's evaluate_ate.py.
 /// @return nullopt with fewer than 3 associated poses or degenerate positions
 template <std::floating_point S>
-[[nodiscard]] std::optional<AteResult<S>> absolute_trajectory_error(std::span<const StampedPose<S>> estimate,
-                                                                    std::span<const StampedPose<S>> groundtruth,
-                                                                    S max_difference = S(0.02)) {
+[[nodiscard]] std::optional<AteResult<S>> absolute_trajectory_error(
+    std::span<const StampedPose<S>> estimate, std::span<const StampedPose<S>> groundtruth,
+    S max_difference = S(0.02)) {
   const auto t_gt = detail::stamps(groundtruth), t_est = detail::stamps(estimate);
   const auto pairs = associate<S>(t_gt, t_est, max_difference);
   std::vector<Eigen::Matrix<S, 3, 1>> a, b;
@@ -163,7 +165,8 @@ struct RpeResult {
 /// @return nullopt when no interval has ground truth near both ends (gap: twice its median period)
 template <std::floating_point S>
 [[nodiscard]] std::optional<RpeResult<S>> relative_pose_error(std::span<const StampedPose<S>> estimate,
-                                                              std::span<const StampedPose<S>> groundtruth, S delta = S(1)) {
+                                                              std::span<const StampedPose<S>> groundtruth,
+                                                              S delta = S(1)) {
   if (estimate.size() < 2 || groundtruth.size() < 2) return std::nullopt;
   const auto t_gt = detail::stamps(groundtruth), t_est = detail::stamps(estimate);
   const auto closest = [](const std::vector<S>& times, S t) { return detail::closest_index<S>(times, t); };
@@ -189,6 +192,22 @@ template <std::floating_point S>
   result.translation = statistics<S>(translation);
   result.rotation_deg = statistics<S>(rotation);
   return result;
+}
+
+/// Error of the whole way's motion, first associated pose to last [m]: the drift, and what a closed loop
+/// took out of it.
+/// @return nullopt with fewer than 2 associated poses
+template <std::floating_point S>
+[[nodiscard]] std::optional<S> end_error(std::span<const StampedPose<S>> estimate,
+                                         std::span<const StampedPose<S>> groundtruth,
+                                         S max_difference = S(0.02)) {
+  const auto t_gt = detail::stamps(groundtruth), t_est = detail::stamps(estimate);
+  const auto pairs = associate<S>(t_gt, t_est, max_difference);
+  if (pairs.size() < 2) return std::nullopt;
+  const auto motion = [](const SE3<S>& first, const SE3<S>& last) { return first.inverse() * last; };
+  const SE3<S> truth = motion(groundtruth[pairs.front().first].T_w_c, groundtruth[pairs.back().first].T_w_c);
+  const SE3<S> found = motion(estimate[pairs.front().second].T_w_c, estimate[pairs.back().second].T_w_c);
+  return (truth.inverse() * found).translation().norm();
 }
 
 /// Eq (13): improvement of `beta` over the baseline `alpha` in percent.

@@ -38,6 +38,8 @@ struct DepthNoise {
   S base = S(0.001);
   S quad = S(0.0019);
   [[nodiscard]] constexpr S sigma(S z) const { return base + quad * z * z; }
+  /// Inverse variance [1/m^2].
+  [[nodiscard]] constexpr S information(S z) const { return S(1) / (sigma(z) * sigma(z)); }
 };
 
 }  // namespace dynslam

@@ -15,6 +15,7 @@ namespace dynslam::runtime {
 struct TrajectoryReport {
   AteResult<double> ate;
   RpeResult<double> rpe;
+  double end_error = 0;  ///< of the motion from the first to the last pose [m]
 };
 
 /// ATE and RPE over 1 s of an estimate. `est_name` and `gt_name` are for error messages.

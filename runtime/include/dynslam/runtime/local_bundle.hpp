@@ -30,8 +30,8 @@ class LocalBundle {
   LocalBundle(const Pinhole<double>& camera, const LocalBundleOptions& options)
       : camera_(camera), options_(options) {}
 
-  /// @param depth_sigma  standard deviation of a depth of z metres is depth_base + depth_quad z^2
-  void start(const LocalMap& map, double depth_base, double depth_quad);
+  /// Starts on the newest keyframe and its surroundings, or those of `window` keyframes where that is given.
+  void start(const LocalMap& map, const DepthNoise<double>& noise, int window = 0);
   [[nodiscard]] bool pending() const { return running_.valid(); }
   /// Waits for the result and writes it into the map.
   /// @return the correction D of the newest keyframe's pose, new T_c_w = old T_c_w D, which everything

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "dynslam/runtime/frame.hpp"
@@ -22,13 +23,17 @@ struct MapPoint {
   int visible = 0, found = 0;  ///< frames in which it should have been / was matched
   int on_mover = 0;            ///< frames in which its match lay on the dynamic mask
   bool bad = false;
-  std::vector<int> keyframes;  ///< observers
+  int merged_into = -1;        ///< the point that stands for this one now; -1: none (bad then means gone)
+  std::vector<int> keyframes;  ///< observers, oldest first
 };
 
 /// A keyframe: the frame's features and the map points they observe.
 struct Keyframe {
   int id = 0;
   Frame frame;
+  int parent = -1;         ///< of a culled keyframe: the one that its pose hangs on
+  SE3<double> T_c_parent;  ///< and its place beside that one
+  [[nodiscard]] bool culled() const { return parent >= 0; }
 };
 
 /// Keyframes and points, with the covisibility query that tracking needs.
@@ -40,6 +45,14 @@ class LocalMap {
   [[nodiscard]] MapPoint& point(int id) { return points_[static_cast<std::size_t>(id)]; }
 
   [[nodiscard]] Keyframe& keyframe(int id) { return keyframes_[static_cast<std::size_t>(id)]; }
+  [[nodiscard]] const Keyframe& keyframe(int id) const { return keyframes_[static_cast<std::size_t>(id)]; }
+
+  /// Id of the newest keyframe; -1 when there is none.
+  [[nodiscard]] int newest() const { return static_cast<int>(keyframes_.size()) - 1; }
+  /// T_c_w of a keyframe, culled or not.
+  [[nodiscard]] SE3<double> pose(int keyframe) const;
+  /// The point that stands for `id` after merging; -1 when there is none any more.
+  [[nodiscard]] int present(int id) const;
 
   /// Adds a point and returns its id.
   int add_point(MapPoint point);
@@ -49,6 +62,20 @@ class LocalMap {
   /// Ids of the points of the `count` keyframes that share most points with `frame` (ties: newer
   /// first), of their temporal neighbours and of the newest keyframe; each id once.
   void local_points(const Frame& frame, int count, std::vector<int>& ids);
+
+  /// Keyframes that share at least `min_shared` points with a keyframe: (shared points, id), most first,
+  /// ties newer first.
+  void covisible(int keyframe, int min_shared, std::vector<std::pair<int, int>>& out);
+
+  /// Says that a keyframe's feature shows a point. The feature must have none yet.
+  void observe(int keyframe, int feature, int point);
+  /// Makes `kept` stand for `gone` too: it gets the other's observers.
+  void merge(int gone, int kept);
+
+  /// Removes a keyframe whose points `share` or more are seen by at least three others; its pose hangs
+  /// on the keyframe that shares most points with it from then on. Tries those that share points with
+  /// `newest`, except the first one and the last `spare`. @return the culled ids
+  std::vector<int> cull_keyframes(int newest, double share, int spare);
 
   /// Takes back that a keyframe's feature shows the point it is said to; points that nobody sees are bad.
   void forget(int keyframe, int feature);
@@ -60,6 +87,7 @@ class LocalMap {
   std::vector<MapPoint> points_;
   std::vector<Keyframe> keyframes_;
   std::vector<int> votes_, order_;
+  std::vector<std::pair<int, int>> neighbours_;
   std::vector<std::uint32_t> stamp_;
   std::uint32_t present_ = 0;
 };

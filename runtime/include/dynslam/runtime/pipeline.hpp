@@ -48,6 +48,7 @@ struct RunSummary {
   double fps = 0, peak_rss_mb = 0;
   std::map<std::string, StageStatistics> stages;
   std::vector<StampedPose<double>> trajectory;
+  std::vector<LoopClosing> loops;
   std::vector<std::string> problems;  ///< one line each, in order of frames
   bool interrupted = false;
 };

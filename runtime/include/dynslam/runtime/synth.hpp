@@ -12,13 +12,14 @@ namespace dynslam::runtime {
 struct SynthOptions {
   std::uint64_t seed = 1;            ///< layout, colours, people, noise
   int frames = 150;
-  std::string path = "halfsphere";   ///< static, xyz, rpy, halfsphere (as TUM's camera motions)
+  std::string path = "halfsphere";   ///< static, xyz, rpy, halfsphere (as TUM's camera motions); loop: once around in 18 s
   std::string scenario = "walking";  ///< walking; sitting (nobody walks); box (a box moves by itself); empty
   int walkers = 2;                   ///< people who walk (scenario walking)
   bool box = true;                   ///< the first walker carries a box that no segmenter has a class for
   bool exposure_change = false;
   bool motion_blur = false;
   bool noise = true;                 ///< of colour and depth
+  int blackout_from = 0, blackout_frames = 0;  ///< frames in which the lens is covered
   double fps = 30;
 };
 

@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "dynslam/optim/pose.hpp"
@@ -16,7 +17,10 @@
 #include "dynslam/runtime/geometric_segmenter.hpp"
 #include "dynslam/runtime/local_bundle.hpp"
 #include "dynslam/runtime/local_map.hpp"
+#include "dynslam/runtime/loop_closer.hpp"
 #include "dynslam/runtime/mask_reader.hpp"
+#include "dynslam/runtime/place_index.hpp"
+#include "dynslam/runtime/place_verifier.hpp"
 #include "dynslam/runtime/tum_reader.hpp"
 
 namespace dynslam::runtime {
@@ -37,13 +41,12 @@ struct TrackerOptions {
   DynamicsMode dynamics = DynamicsMode::both;
   FeatureOptions features;
   GeometryOptions geometry;
-  double nu = 5.0;                  ///< t-distribution of the pose optimisation
-  double patch_sigma = 0.5;         ///< pixels of its level: accuracy of a match by patch; a corner has 1
-  double min_pixel_scale = 0.4;     ///< how much better than stated the pixel noise may turn out
-  std::uint64_t seed = 1;           ///< of the consensus
-  double depth_noise_base = 0.004;  ///< metres
-  double depth_noise_quad =
-      0.008;  ///< metres at 1 m, growing with z^2: sensor noise, time offset to the colour image
+  double nu = 5.0;               ///< t-distribution of the pose optimisation
+  double patch_sigma = 0.5;      ///< pixels of its level: accuracy of a match by patch; a corner has 1
+  double min_pixel_scale = 0.4;  ///< how much better than stated the pixel noise may turn out
+  std::uint64_t seed = 1;        ///< of the consensus
+  /// Sensor noise, and the time between colour and depth image.
+  DepthNoise<double> depth_noise{0.004, 0.008};
   double max_point_depth =
       8.0;                    ///< farther depth makes no map points [m]; noise grows with z^2, weights follow
   int min_inliers = 25;       ///< fewer: the pose is not accepted
@@ -61,7 +64,15 @@ struct TrackerOptions {
   bool bundle = true;                  ///< adjust the newest keyframes and their points
   int bundle_delay = 4;                ///< frames after which the adjustment's result is waited for and used
   LocalBundleOptions local_bundle;
-  int reference_distance = 5;  ///< keyframes between the present one and the reference (paper, step 4)
+  bool close_loops = true;
+  int loop_bundle_window = 60;  ///< keyframes adjusted after a loop
+  int loop_bundle_delay = 12;   ///< frames after which that is waited for
+  LoopOptions loops;
+  PlaceOptions relocalisation;
+  int relocalisation_candidates = 5;  ///< keyframes tried per lost frame
+  double redundant_keyframe = 0.9;    ///< of its points seen by three others: a keyframe goes
+  int spare_keyframes = 5;            ///< newest keyframes, which never go
+  int reference_distance = 5;         ///< keyframes between the present one and the reference (paper, step 4)
 };
 
 /// Parts of a frame's work, in the order of the columns of timings.csv.
@@ -91,7 +102,8 @@ struct TrackResult {
   int reference = 0;  ///< the newest keyframe
   SE3<double> T_c_reference;
   bool keyframe = false;
-  bool mask_rejected = false;  ///< the mask left too few features and was not applied to the pose
+  std::optional<LoopClosing> loop;  ///< closed at this keyframe: T_w_c is corrected already
+  bool mask_rejected = false;       ///< the mask left too few features and was not applied to the pose
   int matches = 0, inliers = 0;
   cv::Mat dynamic_mask;  ///< CV_8UC1, 255 = dynamic; always of image size
   GeometryStatistics geometry;
@@ -144,9 +156,12 @@ class Tracker {
   /// Pose from the frame's matches outside its dynamic flags; outliers lose their match.
   PoseResult<double> optimise(Frame& frame, const SE3<double>& start, bool drop_outliers);
   bool relocalise(Frame& frame, const cv::Mat& depth, SE3<double>& T_c_w);
+  /// Waits for the bundle adjustment, if one runs, and uses it. @return the correction, see follow()
+  SE3<double> settle();
+  /// Moves what was placed relative to the newest keyframe: new T_c_w = old T_c_w D.
+  void follow(const SE3<double>& D);
   [[nodiscard]] bool wants_keyframe(const Frame& frame, int inliers) const;
-  void insert_keyframe(Frame& frame, const RgbdFrame& input);
-  [[nodiscard]] double depth_information(double z) const;
+  std::optional<LoopClosing> insert_keyframe(Frame& frame, const RgbdFrame& input);
   [[nodiscard]] Eigen::Vector3d point_of(const Frame& frame, int feature) const;
   [[nodiscard]] bool find_best(const Frame& frame, const Descriptor& descriptor, float x, float y,
                                float radius, int octave_low, int octave_high, int max_distance, float ratio,
@@ -158,7 +173,10 @@ class Tracker {
   GeometricSegmenter geometry_;
   LocalMap map_;
   LocalBundle bundle_;
-  std::size_t bundle_started_ = 0;  // frame index
+  PlaceIndex places_;
+  PlaceVerifier verifier_;
+  LoopCloser loops_;
+  std::size_t bundle_due_ = 0;  // frame index
   Frame last_;
   SE3<double> velocity_;      // T_c_last
   SE3<double> T_depth_c_;     // from the camera at colour time to the camera at depth time
@@ -171,6 +189,7 @@ class Tracker {
   int last_keyframe_tracked_ = 0;
   std::vector<cv::Point2f> undistort_lut_;  // per raw pixel: ideal pixel
   std::vector<cv::KeyPoint> keypoints_;
+  std::vector<std::pair<int, int>> places_found_;
   std::vector<int> candidates_, observation_feature_, match_distance_, holder_;
   std::vector<PoseObservation<double>> observations_;
   std::vector<std::uint8_t> occupied_;
