@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What happens when the input breaks, the view is lost, the user stops the run, or the machine is busy.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <thread>
+#include <vector>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/evaluate.hpp"
+#include "dynslam/runtime/pipeline.hpp"
+#include "dynslam/runtime/synth.hpp"
+#include "dynslam/runtime/trajectory_io.hpp"
+#include "dynslam/runtime/tum_reader.hpp"
+#include "tum_fixture.hpp"
+
+using namespace dynslam;
+using namespace dynslam::runtime;
+namespace fs = std::filesystem;
+
+namespace {
+
+std::string bytes(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return std::string(std::istreambuf_iterator<char>(in), {});
+}
+
+/// People walking for two seconds, rendered once for all tests of this file.
+const fs::path& walking() {
+  static const test::TemporaryFolder folder;
+  static const bool made = [] {
+    SynthOptions options;
+    options.frames = 60;
+    options.path = "xyz";
+    options.seed = 2;
+    synthesize(options, folder.path);
+    return true;
+  }();
+  (void)made;
+  return folder.path;
+}
+
+RunOptions options_for(const fs::path& sequence, const fs::path& out, DynamicsMode mode) {
+  RunOptions o;
+  o.sequence = sequence;
+  o.out = out;
+  o.dynamics = mode;
+  o.masks = sequence / "label";
+  o.save_masks = true;
+  return o;
+}
+
+const std::atomic<bool> kNeverStop{false};
+
+}  // namespace
+
+TEST_CASE("two runs give identical trajectories, masks and maps, with the machine idle and with it busy") {
+  const test::TemporaryFolder out;
+  for (const char* name : {"a", "b"}) {
+    RunOptions o = options_for(walking(), out.path / name, DynamicsMode::both);
+    o.max_frames = 40;
+    // The second run shares every core with somebody else: what waits for what must not matter.
+    std::atomic<bool> done{false};
+    std::vector<std::jthread> load;
+    if (o.out == out.path / "b") {
+      for (unsigned k = 0; k < 2 * std::max(1U, std::thread::hardware_concurrency()); ++k) {
+        load.emplace_back([&done] {
+          while (!done.load(std::memory_order_relaxed)) {
+          }
+        });
+      }
+    }
+    (void)run_sequence(o, kNeverStop);
+    done = true;
+  }
+  for (const char* file : {"trajectory.txt", "keyframes.txt", "map.ot", "masks/1000000.666667.png"}) {
+    CHECK_FALSE(bytes(out.path / "a" / file).empty());
+    CHECK(bytes(out.path / "a" / file) == bytes(out.path / "b" / file));
+  }
+}
+
+TEST_CASE("broken and black frames are reported; after 20 black ones the camera finds itself within 10") {
+  const test::TemporaryFolder damaged, out;
+  fs::copy(walking(), damaged.path, fs::copy_options::recursive | fs::copy_options::overwrite_existing);
+  const Sequence sequence = load_sequence(damaged.path);
+  fs::resize_file(sequence.frames[10].rgb, 1000);
+  fs::remove(sequence.frames[11].depth);
+  for (std::size_t i = 20; i < 40; ++i)
+    cv::imwrite(sequence.frames[i].rgb.string(), cv::Mat::zeros(480, 640, CV_8UC3));
+  RunOptions o = options_for(damaged.path, out.path, DynamicsMode::both);
+
+  const RunSummary summary = run_sequence(o, kNeverStop);
+  CHECK(summary.frames == 60);
+  CHECK(summary.broken == 2);
+  CHECK(summary.lost >= 20);
+  CHECK(summary.lost <= 30);
+  CHECK(summary.tracked == 58 - summary.lost);
+  REQUIRE(summary.problems.size() == 2 + summary.lost);
+  CHECK(summary.problems[0].find("is truncated") != std::string::npos);
+  CHECK(summary.problems[1].find("cannot be opened") != std::string::npos);
+  CHECK(read_trajectory(out.path / "trajectory.txt").size() == summary.tracked);
+  CHECK(
+      evaluate_trajectory(out.path / "trajectory.txt", damaged.path / "groundtruth.txt").ate.translation.max <
+      0.02);
+}
+
+TEST_CASE("an interruption saves what was computed") {
+  const test::TemporaryFolder out;
+  std::atomic<bool> stop{false};
+  const RunSummary summary =
+      run_sequence(options_for(walking(), out.path, DynamicsMode::geometric), stop, [&](const Progress& p) {
+        if (p.done == 12) stop = true;
+      });
+  CHECK(summary.interrupted);
+  CHECK(read_trajectory(out.path / "trajectory.txt").size() == 12);
+  CHECK(fs::exists(out.path / "map.ot"));
+  CHECK(nlohmann::json::parse(bytes(out.path / "summary.json"))["interrupted"] == true);
+}
+
+TEST_CASE("what cannot work is refused in one line, and what was computed before a failure is saved") {
+  const test::TemporaryFolder out;
+  RunOptions o = options_for(walking(), out.path, DynamicsMode::both);
+  o.masks.clear();
+  CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), UsageError);
+  o = options_for(walking(), "/proc/no/such", DynamicsMode::none);
+  CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), InputError);
+  o = options_for(walking(), out.path, DynamicsMode::none);
+  o.camera = "fr9";
+  CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), UsageError);
+
+  const test::TemporaryFolder masks;  // the sixth mask is unusable
+  const Sequence sequence = load_sequence(walking());
+  cv::imwrite((masks.path / (sequence.frames[5].stamp + ".png")).string(), cv::Mat::zeros(10, 10, CV_8UC1));
+  o = options_for(walking(), out.path, DynamicsMode::semantic);
+  o.masks = masks.path;
+  CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), InputError);
+  CHECK(read_trajectory(out.path / "trajectory.txt").size() == 5);
+}
