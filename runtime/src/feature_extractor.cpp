@@ -51,8 +51,6 @@ FeatureExtractor::FeatureExtractor(const FeatureOptions& options) : options_(opt
   for (const float s : scales_) {
     wanted_.push_back(static_cast<int>(std::lround(static_cast<float>(options_.features) / s / total)));
   }
-  pyramid_.levels.resize(static_cast<std::size_t>(options_.levels));
-  pyramid_.pixel_size.resize(static_cast<std::size_t>(options_.levels));
   for (int y = 0; y <= kHalfPatch; ++y) {
     circle_.push_back(static_cast<int>(std::lround(std::sqrt(kHalfPatch * kHalfPatch - y * y))));
   }
@@ -60,8 +58,8 @@ FeatureExtractor::FeatureExtractor(const FeatureOptions& options) : options_(opt
                          cv::ORB::FAST_SCORE, 2 * kHalfPatch + 1, options_.fast_threshold);
 }
 
-void FeatureExtractor::detect_level(int level, std::vector<cv::KeyPoint>& keypoints) {
-  const cv::Mat& image = pyramid_.levels[static_cast<std::size_t>(level)];
+void FeatureExtractor::detect_level(int level, ImageFeatures& out) {
+  const cv::Mat& image = out.pyramid.levels[static_cast<std::size_t>(level)];
   const int width = image.cols - 2 * kBorder, height = image.rows - 2 * kBorder;
   if (width < options_.cell || height < options_.cell) return;
   const int columns = std::max(1, width / options_.cell), rows = std::max(1, height / options_.cell);
@@ -117,35 +115,37 @@ void FeatureExtractor::detect_level(int level, std::vector<cv::KeyPoint>& keypoi
       k.angle = centroid_angle(image, u, v, circle_);
       k.octave = level;
       k.size = static_cast<float>(2 * kHalfPatch + 1) * scale;
-      const Eigen::Vector2d base = pyramid_.to_base(Eigen::Vector2d(u, v), level);
+      const Eigen::Vector2d base = out.pyramid.to_base(Eigen::Vector2d(u, v), level);
       k.pt = cv::Point2f(static_cast<float>(base.x()), static_cast<float>(base.y()));
-      keypoints.push_back(k);
+      out.keypoints.push_back(k);
     }
   }
 }
 
-void FeatureExtractor::extract(const cv::Mat& gray, std::vector<cv::KeyPoint>& keypoints,
-                               std::vector<Descriptor>& descriptors) {
-  keypoints.clear();
+void FeatureExtractor::extract(const cv::Mat& gray, ImageFeatures& out) {
+  out.keypoints.clear();
+  out.pyramid.levels.resize(static_cast<std::size_t>(options_.levels));
+  out.pyramid.pixel_size.resize(static_cast<std::size_t>(options_.levels));
   for (int level = 0; level < options_.levels; ++level) {
-    cv::Mat& image = pyramid_.levels[static_cast<std::size_t>(level)];
+    cv::Mat& image = out.pyramid.levels[static_cast<std::size_t>(level)];
     if (level == 0) {
       image = gray;
     } else {
       const float s = 1.0F / scales_[static_cast<std::size_t>(level)];
       const cv::Size size(cvRound(static_cast<float>(gray.cols) * s),
                           cvRound(static_cast<float>(gray.rows) * s));
-      cv::resize(pyramid_.levels[static_cast<std::size_t>(level) - 1], image, size, 0, 0, cv::INTER_LINEAR);
+      cv::resize(out.pyramid.levels[static_cast<std::size_t>(level) - 1], image, size, 0, 0,
+                 cv::INTER_LINEAR);
     }
-    pyramid_.pixel_size[static_cast<std::size_t>(level)] = {static_cast<double>(gray.cols) / image.cols,
-                                                            static_cast<double>(gray.rows) / image.rows};
-    detect_level(level, keypoints);
+    out.pyramid.pixel_size[static_cast<std::size_t>(level)] = {static_cast<double>(gray.cols) / image.cols,
+                                                               static_cast<double>(gray.rows) / image.rows};
+    detect_level(level, out);
   }
   cv::Mat rows;
-  if (!keypoints.empty()) orb_->compute(gray, keypoints, rows);  // may drop keypoints at the border
-  descriptors.resize(keypoints.size());
-  for (std::size_t i = 0; i < keypoints.size(); ++i) {
-    std::memcpy(descriptors[i].data(), rows.ptr<std::uint8_t>(static_cast<int>(i)), sizeof(Descriptor));
+  if (!out.keypoints.empty()) orb_->compute(gray, out.keypoints, rows);  // may drop keypoints at the border
+  out.descriptors.resize(out.keypoints.size());
+  for (std::size_t i = 0; i < out.keypoints.size(); ++i) {
+    std::memcpy(out.descriptors[i].data(), rows.ptr<std::uint8_t>(static_cast<int>(i)), sizeof(Descriptor));
   }
 }
 

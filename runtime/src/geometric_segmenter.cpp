@@ -81,12 +81,17 @@ bool GeometricSegmenter::verified_static(float u, float v) const {
   return c >= 0 && verified_.data()[c] != 0;
 }
 
-void GeometricSegmenter::set_reference(const Frame& frame, const cv::Mat& gray) {
+std::vector<cv::Mat> flow_pyramid(const cv::Mat& gray, const GeometryOptions& options) {
+  std::vector<cv::Mat> pyramid;
+  cv::buildOpticalFlowPyramid(gray, pyramid, {options.lk_window, options.lk_window}, options.lk_levels);
+  return pyramid;
+}
+
+void GeometricSegmenter::set_reference(const Frame& frame, const RgbdFrame& input) {
   reference_ = Reference();
-  reference_.gray = gray;
+  reference_.gray = input.gray;
   reference_.T_c_w = frame.T_c_w;
-  cv::buildOpticalFlowPyramid(gray, reference_.pyramid, {options_.lk_window, options_.lk_window},
-                              options_.lk_levels);
+  reference_.pyramid = input.flow_pyramid.empty() ? flow_pyramid(input.gray, options_) : input.flow_pyramid;
   const SE3<double> T_w_c = frame.T_c_w.inverse();
   // All keypoints with depth, static and dynamic alike; thinned evenly where there are too many.
   std::vector<std::size_t> usable;
@@ -142,8 +147,9 @@ void GeometricSegmenter::reduce(const cv::Mat& depth) {
   }
 }
 
-void GeometricSegmenter::track_reference(const cv::Mat& gray, const cv::Mat& depth, const SE3<double>& T_c_w,
+void GeometricSegmenter::track_reference(const RgbdFrame& input, const SE3<double>& T_c_w,
                                          const cv::Mat& prior, GeometryStatistics& statistics) {
+  const cv::Mat &gray = input.gray, &depth = input.depth;
   matches_.clear();
   Stopwatch watch;
   const std::size_t n = reference_.pixels.size();
@@ -165,8 +171,8 @@ void GeometricSegmenter::track_reference(const cv::Mat& gray, const cv::Mat& dep
   back = from;
   const cv::Size window(options_.lk_window, options_.lk_window);
   const cv::TermCriteria stop(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 20, 0.03);
-  std::vector<cv::Mat> pyramid;
-  cv::buildOpticalFlowPyramid(gray, pyramid, window, options_.lk_levels);
+  const std::vector<cv::Mat> pyramid =
+      input.flow_pyramid.empty() ? flow_pyramid(gray, options_) : input.flow_pyramid;
   std::vector<std::uint8_t> found, returned;
   cv::calcOpticalFlowPyrLK(reference_.pyramid, pyramid, from, to, found, cv::noArray(), window,
                            options_.lk_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW);
@@ -461,17 +467,17 @@ void GeometricSegmenter::enlarge(const cv::Mat& depth, cv::Mat& mask) const {
   }
 }
 
-cv::Mat GeometricSegmenter::segment(const cv::Mat& gray, const cv::Mat& depth, const SE3<double>& T_c_w,
-                                    const cv::Mat& prior, GeometryStatistics& statistics) {
-  track_reference(gray, depth, T_c_w, prior, statistics);
+cv::Mat GeometricSegmenter::segment(const RgbdFrame& input, const SE3<double>& T_c_w, const cv::Mat& prior,
+                                    GeometryStatistics& statistics) {
+  track_reference(input, T_c_w, prior, statistics);
   Stopwatch watch;
-  reduce(depth);
+  reduce(input.depth);
   check_free_space(T_c_w);
   add_keypoint_seeds();
   statistics.dense_ms = watch.lap_ms();
   grow(statistics);
   cv::Mat mask;
-  enlarge(depth, mask);
+  enlarge(input.depth, mask);
   statistics.growing_ms = watch.lap_ms();
   return mask;
 }

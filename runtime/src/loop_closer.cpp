@@ -17,6 +17,7 @@ constexpr int kSameCorner = 60;      // Hamming distance of two views of one cor
 PlaceOptions place_options(const LoopOptions& options) {
   PlaceOptions place;
   place.min_inliers = options.min_inliers;
+  place.min_agreement = options.min_agreement;
   return place;
 }
 

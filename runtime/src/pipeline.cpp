@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <exception>
 #include <fstream>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -17,6 +18,7 @@
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/frame_preparation.hpp"
 #include "dynslam/runtime/mask_reader.hpp"
 #include "dynslam/runtime/semantic_mapper.hpp"
 #include "dynslam/runtime/stopwatch.hpp"
@@ -194,7 +196,8 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
   std::exception_ptr failure;
   Stopwatch wall;
   double elapsed_ms = 0;
-  FrameStream stream(sequence, camera, StreamOptions{});
+  FramePreparation prepare(tracker_options);
+  FrameStream stream(sequence, camera, {.queue = 4, .prepare = std::ref(prepare)});
   std::unique_ptr<SegmentationStage> segmentation;
   if (network) segmentation = std::make_unique<SegmentationStage>(stream, options.segmentation);
   const cv::Mat margin =

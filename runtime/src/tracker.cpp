@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
@@ -119,12 +120,19 @@ void Tracker::predict_depth_motion(const RgbdFrame& input) {
 }
 
 void Tracker::extract(const RgbdFrame& input, Frame& frame) {
-  extractor_.extract(input.gray, keypoints_, frame.descriptors);
+  features_ = input.features;
+  if (!features_) {
+    auto own = std::make_shared<ImageFeatures>();
+    extractor_.extract(input.gray, *own);
+    features_ = std::move(own);
+  }
+  const auto& keypoints = features_->keypoints;
+  frame.descriptors = features_->descriptors;
   frame.index = input.index;
   frame.t = input.t;
-  frame.features.resize(keypoints_.size());
-  for (std::size_t i = 0; i < keypoints_.size(); ++i) {
-    const cv::KeyPoint& k = keypoints_[i];
+  frame.features.resize(keypoints.size());
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
+    const cv::KeyPoint& k = keypoints[i];
     Feature& f = frame.features[i];
     f.octave = k.octave;
     f.angle = k.angle;
@@ -270,7 +278,7 @@ bool Tracker::align(const MapPoint& p, const SE3<double>& T_c_w, const Eigen::Ve
   Eigen::Matrix<double, 3, 2> plane;
   plane.col(0) = R.col(0) * (z / pinhole.fx());
   plane.col(1) = R.col(1) * (z / pinhole.fy());
-  return PatchMatcher::match(extractor_.pyramid(), p.patch, J * plane, start, out);
+  return PatchMatcher::match(features_->pyramid, p.patch, J * plane, start, out);
 }
 
 int Tracker::match_local(Frame& frame, const SE3<double>& T_c_w, const cv::Mat& depth) {
@@ -479,7 +487,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   // The margin keeps features off a mover's rim; the mask that is handed on is the object itself.
   result.dynamic_mask =
       semantic.empty() ? cv::Mat::zeros(input.gray.size(), CV_8UC1) : prior->dynamic.clone();
-  time_of(result.times, Stage::features) = watch.lap_ms();
+  time_of(result.times, Stage::features) = watch.lap_ms() + input.preparation_ms;
 
   if (bundle_.pending() && input.index >= bundle_due_) finish();
   if (!initialised_) {
@@ -541,7 +549,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
 
   // Geometry, fusion, second optimisation on what is left.
   if (uses_geometry(options_.dynamics)) {
-    const cv::Mat moving = geometry_.segment(input.gray, input.depth, T_c_w, semantic, result.geometry);
+    const cv::Mat moving = geometry_.segment(input, T_c_w, semantic, result.geometry);
     if (!semantic.empty()) give_back_resting(*prior, input.depth, moving, result.dynamic_mask);
     cv::bitwise_or(result.dynamic_mask, moving, result.dynamic_mask);
     time_of(result.times, Stage::lucas_kanade) = result.geometry.lk_ms;
@@ -618,7 +626,7 @@ bool Tracker::needs_patch(const MapPoint& p, const Frame& frame) const {
 }
 
 void Tracker::cut_patch(MapPoint& p, const Feature& f) const {
-  PointPatch patch = PatchMatcher::cut(extractor_.pyramid(), Eigen::Vector2d(f.u, f.v), f.octave);
+  PointPatch patch = PatchMatcher::cut(features_->pyramid, Eigen::Vector2d(f.u, f.v), f.octave);
   if (patch.level < 0) return;
   patch.keyframe = static_cast<int>(map_.keyframes().size());  // the one being made
   patch.ideal = Eigen::Vector2f(f.x, f.y);
@@ -706,7 +714,7 @@ std::optional<LoopClosing> Tracker::insert_keyframe(Frame& frame, const RgbdFram
   }
   if (uses_geometry(options_.dynamics) &&
       (!geometry_.has_reference() || id - reference_id_ > options_.reference_distance)) {
-    geometry_.set_reference(frame, input.gray);
+    geometry_.set_reference(frame, input);
     reference_id_ = id;
   }
   return loop;

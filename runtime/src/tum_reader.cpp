@@ -162,7 +162,7 @@ RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const Camer
 FrameStream::FrameStream(const Sequence& sequence, const CameraConfig& camera, const StreamOptions& options)
     : frames_(sequence.frames),
       camera_(camera),
-      capacity_(std::max<std::size_t>(1, options.queue)),
+      options_(options),
       thread_([this](const std::stop_token& stop) { decode(stop); }) {}
 
 void FrameStream::decode(const std::stop_token& stop) {
@@ -172,11 +172,13 @@ void FrameStream::decode(const std::stop_token& stop) {
     result.record = frames_[i];
     try {
       result.frame = decode_frame(frames_[i], i, camera_);
+      if (options_.prepare) options_.prepare(*result.frame);
     } catch (const std::exception& error) {  // a broken frame is the reader's to judge, not the thread's
       result.error = error.what();
     }
     std::unique_lock lock(mutex_);
-    if (!changed_.wait(lock, stop, [&] { return queue_.size() < capacity_; })) return;
+    if (!changed_.wait(lock, stop, [&] { return queue_.size() < std::max<std::size_t>(1, options_.queue); }))
+      return;
     queue_.push_back(std::move(result));
     changed_.notify_all();
   }

@@ -29,40 +29,42 @@ cv::Mat uneven_texture() {
 
 TEST_CASE("features cover weakly textured parts of the image too") {
   FeatureExtractor extractor{FeatureOptions{}};
-  std::vector<cv::KeyPoint> keypoints;
-  std::vector<Descriptor> descriptors;
-  extractor.extract(uneven_texture(), keypoints, descriptors);
+  ImageFeatures found;
+  extractor.extract(uneven_texture(), found);
+  const auto& [keypoints, descriptors, pyramid] = found;
+  CHECK(pyramid.levels.size() == 8);
   REQUIRE(keypoints.size() == descriptors.size());
   CHECK(keypoints.size() > 600);
   CHECK(keypoints.size() < 1400);
-  const auto right = std::count_if(keypoints.begin(), keypoints.end(), [](const cv::KeyPoint& k) { return k.pt.x > 340; });
+  const auto right =
+      std::count_if(keypoints.begin(), keypoints.end(), [](const cv::KeyPoint& k) { return k.pt.x > 340; });
   CHECK(right > static_cast<long>(keypoints.size() / 4));
 }
 
 TEST_CASE("extraction depends on the image alone") {
   FeatureExtractor a{FeatureOptions{}}, b{FeatureOptions{}};
-  std::vector<cv::KeyPoint> ka, kb;
-  std::vector<Descriptor> da, db;
+  ImageFeatures fa, fb;
   const cv::Mat image = uneven_texture();
-  a.extract(image, ka, da);
-  a.extract(cv::Mat::zeros(480, 640, CV_8UC1), kb, db);
-  CHECK(kb.empty());
-  a.extract(image, ka, da);
-  b.extract(image, kb, db);
-  REQUIRE(ka.size() == kb.size());
-  CHECK(da == db);
-  for (std::size_t i = 0; i < ka.size(); ++i) CHECK(ka[i].pt == kb[i].pt);
+  a.extract(image, fa);
+  a.extract(cv::Mat::zeros(480, 640, CV_8UC1), fb);
+  CHECK(fb.keypoints.empty());
+  a.extract(image, fa);
+  b.extract(image, fb);
+  REQUIRE(fa.keypoints.size() == fb.keypoints.size());
+  CHECK(fa.descriptors == fb.descriptors);
+  for (std::size_t i = 0; i < fa.keypoints.size(); ++i) CHECK(fa.keypoints[i].pt == fb.keypoints[i].pt);
 }
 
 TEST_CASE("descriptors follow a rotation of the image by 90 degrees") {
   FeatureExtractor extractor{FeatureOptions{}};
-  std::vector<cv::KeyPoint> k0, k1;
-  std::vector<Descriptor> d0, d1;
+  ImageFeatures f0, f1;
   const cv::Mat image = uneven_texture();
   cv::Mat turned;
   cv::rotate(image, turned, cv::ROTATE_90_CLOCKWISE);
-  extractor.extract(image, k0, d0);
-  extractor.extract(turned, k1, d1);
+  extractor.extract(image, f0);
+  extractor.extract(turned, f1);
+  const auto &k0 = f0.keypoints, &k1 = f1.keypoints;
+  const auto &d0 = f0.descriptors, &d1 = f1.descriptors;
   int right = 0, matched = 0;
   for (std::size_t i = 0; i < k0.size(); ++i) {
     std::size_t best = 0;
@@ -77,7 +79,8 @@ TEST_CASE("descriptors follow a rotation of the image by 90 degrees") {
     if (distance > 30) continue;
     ++matched;
     const cv::Point2f expected(479.0F - k0[i].pt.y, k0[i].pt.x);
-    right += cv::norm(k1[best].pt - expected) < 3.0 * static_cast<double>(extractor.scale(k0[i].octave)) ? 1 : 0;
+    right +=
+        cv::norm(k1[best].pt - expected) < 3.0 * static_cast<double>(extractor.scale(k0[i].octave)) ? 1 : 0;
   }
   CHECK(matched > 100);
   CHECK(right > matched * 9 / 10);
@@ -93,7 +96,8 @@ TEST_CASE("the grid returns exactly the features of the asked square") {
   FeatureGrid grid;
   grid.build(features, 640, 480);
   for (int trial = 0; trial < 50; ++trial) {
-    const float x = rng.uniform(-20.0F, 660.0F), y = rng.uniform(-20.0F, 500.0F), r = rng.uniform(1.0F, 60.0F);
+    const float x = rng.uniform(-20.0F, 660.0F), y = rng.uniform(-20.0F, 500.0F),
+                r = rng.uniform(1.0F, 60.0F);
     std::vector<int> found, expected;
     grid.for_each_near(features, x, y, r, [&](int i) { found.push_back(i); });
     for (int i = 0; i < 500; ++i) {

@@ -19,6 +19,13 @@ struct FeatureOptions {
   int cell = 32;               ///< side of a distribution cell in pixels of its level
 };
 
+/// What is found in an image, and the image at the scales where it was found.
+struct ImageFeatures {
+  std::vector<cv::KeyPoint> keypoints;  ///< level-0 pixels, octave, angle
+  std::vector<Descriptor> descriptors;
+  ImagePyramid pyramid;  ///< level 0 shares the image's memory
+};
+
 /// FAST corners spread over the image by cells, with OpenCV's ORB descriptors.
 ///
 /// OpenCV's own ORB keeps the strongest corners wherever they are, which starves weakly textured
@@ -28,25 +35,21 @@ class FeatureExtractor {
  public:
   explicit FeatureExtractor(const FeatureOptions& options);
 
-  /// Fills `keypoints` (level-0 pixels, octave, angle) and one descriptor each; the order is by
-  /// octave, then by row-major cell, so it depends on the image alone.
-  void extract(const cv::Mat& gray, std::vector<cv::KeyPoint>& keypoints,
-               std::vector<Descriptor>& descriptors);
+  /// Fills keypoints, one descriptor each, and the pyramid; the order is by octave, then by row-major
+  /// cell, so it depends on the image alone.
+  void extract(const cv::Mat& gray, ImageFeatures& out);
 
   /// Scale of pyramid level `octave` against level 0.
   [[nodiscard]] float scale(int octave) const { return scales_[static_cast<std::size_t>(octave)]; }
   [[nodiscard]] int levels() const { return options_.levels; }
   [[nodiscard]] float scale_factor() const { return options_.scale_factor; }
-  /// Of the image last extracted from; level 0 shares its memory.
-  [[nodiscard]] const ImagePyramid& pyramid() const { return pyramid_; }
 
  private:
-  void detect_level(int level, std::vector<cv::KeyPoint>& keypoints);
+  void detect_level(int level, ImageFeatures& out);
 
   FeatureOptions options_;
   std::vector<float> scales_;
   std::vector<int> wanted_;  // per level
-  ImagePyramid pyramid_;
   std::vector<int> circle_;  // half width of the orientation patch per row
   cv::Ptr<cv::ORB> orb_;
   std::vector<cv::KeyPoint> corners_, cell_corners_;

@@ -11,6 +11,7 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/runtime/camera.hpp"
 #include "dynslam/runtime/frame.hpp"
+#include "dynslam/runtime/tum_reader.hpp"
 #include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/region_growing.hpp"
 
@@ -53,6 +54,9 @@ struct GeometryStatistics {
   double lk_ms = 0, residuals_ms = 0, dense_ms = 0, growing_ms = 0;
 };
 
+/// Pyramid of an image as the segmenter's optical flow wants it.
+[[nodiscard]] std::vector<cv::Mat> flow_pyramid(const cv::Mat& gray, const GeometryOptions& options);
+
 /// Finds what moves without knowing what it is (paper, steps 5 to 9), from a reference keyframe's
 /// keypoints and from the space that earlier frames saw to be free.
 class GeometricSegmenter {
@@ -60,12 +64,12 @@ class GeometricSegmenter {
   GeometricSegmenter(const CameraConfig& camera, const GeometryOptions& options);
 
   /// Makes `frame` the reference keyframe.
-  void set_reference(const Frame& frame, const cv::Mat& gray);
+  void set_reference(const Frame& frame, const RgbdFrame& input);
   [[nodiscard]] bool has_reference() const { return !reference_.pixels.empty(); }
 
   /// Mask of moving pixels (CV_8UC1, 255) of the frame with the given initial pose.
   /// @param prior  a-priori dynamic mask (may be empty): its points never enter scales or F
-  cv::Mat segment(const cv::Mat& gray, const cv::Mat& depth, const SE3<double>& T_c_w, const cv::Mat& prior,
+  cv::Mat segment(const RgbdFrame& input, const SE3<double>& T_c_w, const cv::Mat& prior,
                   GeometryStatistics& statistics);
 
   /// Keeps the frame just segmented, with its final pose and mask, as evidence for later ones.
@@ -103,8 +107,8 @@ class GeometricSegmenter {
   };
 
   void reduce(const cv::Mat& depth);
-  void track_reference(const cv::Mat& gray, const cv::Mat& depth, const SE3<double>& T_c_w,
-                       const cv::Mat& prior, GeometryStatistics& statistics);
+  void track_reference(const RgbdFrame& input, const SE3<double>& T_c_w, const cv::Mat& prior,
+                       GeometryStatistics& statistics);
   void check_free_space(const SE3<double>& T_c_w);
   void add_keypoint_seeds();
   void grow(GeometryStatistics& statistics);

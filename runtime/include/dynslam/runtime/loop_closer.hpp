@@ -16,13 +16,14 @@
 namespace dynslam::runtime {
 
 struct LoopOptions {
-  int min_votes = 25;    ///< descriptors in common from which geometry is asked
-  int candidates = 3;    ///< keyframes that geometry is asked about
-  int min_inliers = 60;  ///< points that fit one pose: a false loop costs more than a missed one
-  int min_gap = 10;      ///< keyframes between the two ends
-  int min_shared = 15;   ///< points in common that make keyframes neighbours, so not a loop
-  int strong_edge = 60;  ///< points in common from which neighbours hold together in the pose graph
-  int strong_edges = 5;  ///< of those per keyframe, beside the one to its predecessor
+  int min_votes = 25;          ///< descriptors in common from which geometry is asked
+  int candidates = 3;          ///< keyframes that geometry is asked about
+  int min_inliers = 60;        ///< points that fit one pose: a false loop costs more than a missed one
+  double min_agreement = 0.8;  ///< of depths, see PlaceOptions
+  int min_gap = 10;            ///< keyframes between the two ends
+  int min_shared = 15;         ///< points in common that make keyframes neighbours, so not a loop
+  int strong_edge = 60;        ///< points in common from which neighbours hold together in the pose graph
+  int strong_edges = 5;        ///< of those per keyframe, beside the one to its predecessor
   // Rooms repeat themselves: what would need more drift than tracking can have is another place.
   double drift_floor = 0.10;       ///< [m]
   double drift_per_metre = 0.05;   ///< of the way between the ends

@@ -17,7 +17,7 @@ namespace dynslam::runtime {
 struct PlaceOptions {
   int min_matches = 15;        ///< by descriptor, before geometry is asked
   int min_inliers = 30;        ///< points that fit one pose in the end
-  double min_agreement = 0.8;  ///< of the depths measured where its points should be and not hidden
+  double min_agreement = 0.5;  ///< of the depths measured where its points should be and not hidden
   int neighbours = 5;          ///< keyframes around the candidate whose points are searched, too
   double nu = 5.0;             ///< t-distribution of the refinement
   std::uint64_t seed = 1;

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string_view>
@@ -75,7 +76,8 @@ struct TrackerOptions {
   int reference_distance = 5;         ///< keyframes between the present one and the reference (paper, step 4)
 };
 
-/// Parts of a frame's work, in the order of the columns of timings.csv.
+/// Parts of a frame's work, in the order of the columns of timings.csv. `tracking` is the tracking thread's
+/// whole time; `features` are extracted ahead on the decoding thread where the pipeline says so.
 enum class Stage {
   features,
   initial_pose,
@@ -187,8 +189,8 @@ class Tracker {
   int reference_id_ = 0;
   std::size_t last_keyframe_index_ = 0;
   int last_keyframe_tracked_ = 0;
-  std::vector<cv::Point2f> undistort_lut_;  // per raw pixel: ideal pixel
-  std::vector<cv::KeyPoint> keypoints_;
+  std::vector<cv::Point2f> undistort_lut_;         // per raw pixel: ideal pixel
+  std::shared_ptr<const ImageFeatures> features_;  // of the present frame
   std::vector<std::pair<int, int>> places_found_;
   std::vector<int> candidates_, observation_feature_, match_distance_, holder_;
   std::vector<PoseObservation<double>> observations_;

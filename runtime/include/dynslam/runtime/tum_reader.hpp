@@ -5,7 +5,9 @@
 #include <cstddef>
 #include <deque>
 #include <filesystem>
+#include <functional>
 #include <istream>
+#include <memory>
 #include <mutex>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -15,6 +17,7 @@
 
 #include "dynslam/eval/trajectory.hpp"
 #include "dynslam/runtime/camera.hpp"
+#include "dynslam/runtime/feature_extractor.hpp"
 
 namespace dynslam::runtime {
 
@@ -33,6 +36,10 @@ struct RgbdFrame {
   cv::Mat bgr;    ///< CV_8UC3
   cv::Mat gray;   ///< CV_8UC1
   cv::Mat depth;  ///< CV_32FC1 metres, NaN = invalid
+  // What FramePreparation adds; empty where it was not asked.
+  std::shared_ptr<const ImageFeatures> features;
+  std::vector<cv::Mat> flow_pyramid;
+  double preparation_ms = 0;
 };
 
 /// A TUM RGB-D sequence on disk.
@@ -67,7 +74,8 @@ struct ListEntry {
                                      const CameraConfig& camera);
 
 struct StreamOptions {
-  std::size_t queue = 4;  ///< frames decoded ahead
+  std::size_t queue = 4;                    ///< frames decoded ahead
+  std::function<void(RgbdFrame&)> prepare{};  ///< called with each frame on the decoding thread
 };
 
 /// A frame, or why there is none.
@@ -90,7 +98,7 @@ class FrameStream {
 
   std::vector<FrameRecord> frames_;
   CameraConfig camera_;
-  std::size_t capacity_;
+  StreamOptions options_;
   std::mutex mutex_;
   std::condition_variable_any changed_;
   std::deque<FrameResult> queue_;
