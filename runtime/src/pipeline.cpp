@@ -17,6 +17,7 @@
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/map_io.hpp"
 #include "dynslam/runtime/mask_reader.hpp"
 #include "dynslam/runtime/semantic_mapper.hpp"
 #include "dynslam/runtime/stopwatch.hpp"
@@ -230,8 +231,8 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
         if (result.keyframe) {
           if (mapper) {
             cv::dilate(result.dynamic_mask, never_map, margin);
-            mapper->insert(
-                {result.T_w_c, frame.depth, never_map.clone(), prior ? prior->labels : cv::Mat(), frame.bgr});
+            mapper->insert({result.T_w_c, frame.depth, never_map.clone(), prior ? prior->labels : cv::Mat(),
+                            frame.bgr, result.reference});
           }
         }
         const double lap = wall.lap_ms();
@@ -270,6 +271,7 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
     try {
       mapper->finish();
       mapper->save(options.out / "map.ot");
+      export_map(mapper->tree(), options.out / "map_color.ot");  // for octovis, which knows no labels
     } catch (...) {
       if (!failure) failure = std::current_exception();
     }
