@@ -144,6 +144,9 @@ TEST_CASE("box, ray and nearest obstacle agree with a search through everything"
     }
   }
   CHECK_FALSE(cast_ray(map, {0, 0, 0}, {0, 0, 0}, 3.0));
+  const auto far = cast_ray(map, {0, 0, 0}, {0, 0, 1}, 1e12);  // far beyond the grid
+  const auto near = cast_ray(map, {0, 0, 0}, {0, 0, 1}, 3.0);
+  CHECK(far.has_value() == near.has_value());
   const auto blind = cast_ray(map, {2.5, 2.5, 2.5}, {1, 0, 0}, 1.0, true);
   REQUIRE(blind);
   CHECK(blind->unknown);

@@ -63,7 +63,7 @@ struct RayHit {
 
 /// First occupied cell on the ray from `origin` along `direction` (any length but 0), up to `max_range`. With
 /// `stop_at_unknown` an unobserved cell ends it, too: to a careful planner that is an obstacle.
-/// @return nullopt: the way is free
+/// @return nullopt: the way is free (or begins outside the grid, where nothing is)
 template <VoxelStore M>
 [[nodiscard]] std::optional<RayHit> cast_ray(const M& map, const Eigen::Vector3d& origin,
                                              const Eigen::Vector3d& direction, double max_range,
@@ -71,7 +71,15 @@ template <VoxelStore M>
   const double length = direction.norm();
   if (!(length > 0) || !std::isfinite(length)) return std::nullopt;
   const Eigen::Vector3d ray = direction / length;
-  const Eigen::Vector3d end = origin + ray * max_range;
+  // Not beyond the grid, where nothing can be.
+  const double limit = 32767.0 * map.grid().resolution() - map.grid().edge(level);
+  double reach = max_range;
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    if (!(std::abs(origin(i)) < limit)) return std::nullopt;
+    if (ray(i) != 0) reach = std::min(reach, (std::copysign(limit, ray(i)) - origin(i)) / ray(i));
+  }
+  if (!(reach > 0)) return std::nullopt;
+  const Eigen::Vector3d end = origin + ray * reach;
   // Coarse cells are voxels of a coarser grid with the same origin.
   const VoxelGrid coarse(map.grid().edge(level));
   const auto fine = [&](PackedKey packed) {
