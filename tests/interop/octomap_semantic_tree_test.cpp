@@ -168,12 +168,14 @@ TEST_CASE("the octree answers as the block map does, at every level") {
     for (const int level : {0, 1, 2, 4}) {
       const MapVoxel a = query_point(tree, p, level), b = query_point(blocks, p, level);
       CHECK(a.state == b.state);
-      CHECK(a.log_odds == doctest::Approx(b.log_odds));
+      CHECK(static_cast<double>(a.log_odds) == doctest::Approx(static_cast<double>(b.log_odds)));
       if (a.state != Occupancy::occupied) continue;
       ++occupied;
       // Votes are scaled level by level, so a close decision may differ; a clear one must not.
       if (b.confidence > 0.6F) CHECK(a.label == b.label);
-      if (level <= 1) CHECK(a.confidence == doctest::Approx(b.confidence).epsilon(0.05));
+      if (level <= 1)
+        CHECK(static_cast<double>(a.confidence) ==
+              doctest::Approx(static_cast<double>(b.confidence)).epsilon(0.05));
     }
   }
   CHECK(occupied > 500);
@@ -202,7 +204,7 @@ TEST_CASE("OctoMap's own queries and updates work, and carry labels to the paren
   CHECK(node->label() == 2);
   const auto hit = cast_ray(tree, {0, 0, 0}, {0, 0, 1}, 3.0);
   REQUIRE(hit);
-  CHECK((hit->cell.centre - Eigen::Vector3d(end.x(), end.y(), end.z())).norm() < 1e-4);
+  CHECK((hit->cell.centre - Eigen::Vector3f(end.x(), end.y(), end.z()).cast<double>()).norm() < 1e-4);
   CHECK(tree.search(end, 14)->labelled());
   // Misses by OctoMap's updateNode: a voxel that becomes free forgets its label.
   for (int k = 0; k < 30; ++k) tree.updateNode(end, false);

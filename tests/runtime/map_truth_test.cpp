@@ -45,7 +45,7 @@ cv::Mat noisy_depth(const synth::Rendering& exact, std::uint64_t seed) {
   synth::Random random(seed);
   cv::Mat raw = synth::sense_depth(exact, kCamera.fx(), random), depth;
   raw.convertTo(depth, CV_32FC1, 1.0 / 5000);
-  depth.setTo(std::numeric_limits<float>::quiet_NaN(), raw == 0);
+  depth.setTo(std::numeric_limits<double>::quiet_NaN(), raw == 0);
   return depth;
 }
 
