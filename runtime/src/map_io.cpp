@@ -111,8 +111,12 @@ std::string class_name(std::uint8_t label) {
 }
 
 Rgb voxel_colour(const Node& node) {
-  return node.label() == static_cast<std::uint8_t>(Label::background) ? node.colour()
-                                                                      : class_colour(node.label());
+  if (node.label() != static_cast<std::uint8_t>(Label::background)) return class_colour(node.label());
+  Rgb colour = node.colour();
+  for (std::uint8_t label = 1; label < kMapLabels; ++label) {
+    if (colour == class_colour(label)) colour[2] ^= 1;  // never a class's colour by chance
+  }
+  return colour;
 }
 
 void save_map(const SemanticOcTree& tree, const fs::path& path) {

@@ -98,6 +98,13 @@ TEST_CASE("exports: OctoMap reads them, with the same tree") {
   }
   CHECK(chairs > 20);
 
+  SemanticOcTree lookalike(0.1);  // background of a chair's very colour
+  ScanVoxels scan(lookalike.grid());
+  scan.add_end(Eigen::Vector3f(0, 0, 0), 0, class_colour(2));
+  scan.finish();
+  lookalike.integrate(scan);
+  CHECK(voxel_colour(*lookalike.search(0.0, 0.0, 0.0)) != class_colour(2));
+
   export_map(tree, folder.path / "b.bt");
   octomap::OcTree binary(1.0);
   std::ifstream binary_file(folder.path / "b.bt", std::ios::binary);

@@ -10,9 +10,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <istream>
 #include <limits>
-#include <ostream>
 #include <string>
 
 #include "dynslam/concepts/map.hpp"

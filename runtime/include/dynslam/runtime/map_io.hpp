@@ -21,7 +21,8 @@ using Rgb = std::array<std::uint8_t, 3>;
 [[nodiscard]] Rgb class_colour(std::uint8_t label);
 /// "background", "person", "chair", "display", or "label N".
 [[nodiscard]] std::string class_name(std::uint8_t label);
-/// Colour of a voxel in pictures and exports: of its class where it has one, else the one that was seen.
+/// Colour of a voxel in pictures and exports: of its class where it has one, else the one that was seen
+/// (never exactly a class's colour, so the class can be told from the colour).
 [[nodiscard]] Rgb voxel_colour(const interop::SemanticOcTreeNode& node);
 
 /// Writes a map as OctoMap's `.ot` of type SemanticOcTree: everything, exactly. Goes through a temporary
@@ -34,8 +35,7 @@ void save_map(const interop::SemanticOcTree& tree, const std::filesystem::path& 
 
 /// Exports a map; the file's extension chooses the format. All of them go through a temporary file.
 ///   .ot   OctoMap's ColorOcTree: log-odds and tree exactly, colours of voxel_colour(); opens in octovis and
-///         octomap_server. Votes are left out, so a background voxel that has a class's colour reads as the
-///         class.
+///         octomap_server. Votes are left out.
 ///   .bt   OctoMap's OcTree, one bit: occupied or free; no log-odds, labels or colours.
 ///   .ply  one vertex per occupied cell: centre [m], colour, label, confidence, edge [m]; no free space.
 ///   .txt  the summary of to_text(). .json: of to_json().
