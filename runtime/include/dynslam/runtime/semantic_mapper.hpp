@@ -26,7 +26,7 @@ struct SemanticMapperOptions {
   MapScanOptions scan;
   LogOddsParams<float> occupancy;
   std::size_t queue = 2;     ///< keyframes waiting; beyond, insert() blocks
-  bool retain_scans = true;  ///< keep what repose() needs, about 350 kB per keyframe
+  bool retain_scans = true;  ///< keep what repose() needs, about 400 kB per keyframe
 };
 
 /// A keyframe's contribution to the map.
