@@ -236,4 +236,3 @@ TEST_CASE("an ablation without masks runs what it can and says so; a camera at r
   CHECK(std::filesystem::exists(folder.path / "o" / "ablation.json"));
 }
 #endif
-

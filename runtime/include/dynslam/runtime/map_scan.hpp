@@ -27,7 +27,7 @@ struct MapScanOptions {
 };
 
 /// A keyframe reduced to what the map needs, in the camera's frame, so that it can be inserted again after
-/// the pose was corrected. 3 bytes per sampled pixel and 3 more per pixel that becomes surface: about 350 kB
+/// the pose was corrected. 3 bytes per sampled pixel and 3 more per pixel that becomes surface: about 400 kB
 /// for a VGA image at stride 2.
 class MapScan {
  public:
