@@ -4,6 +4,7 @@
 /// All headers of the core. The adapters for OpenCV and OctoMap (dynslam/interop/) are included on their own.
 #include "dynslam/concepts/camera.hpp"
 #include "dynslam/concepts/image.hpp"
+#include "dynslam/concepts/map.hpp"
 #include "dynslam/concepts/robust.hpp"
 #include "dynslam/concepts/scalar.hpp"
 #include "dynslam/config.hpp"
@@ -35,4 +36,10 @@
 #include "dynslam/segment/region_growing.hpp"
 #include "dynslam/semantic/label_histogram.hpp"
 #include "dynslam/semantic/log_odds.hpp"
+#include "dynslam/semantic/map_query.hpp"
+#include "dynslam/semantic/map_voxel.hpp"
+#include "dynslam/semantic/ray_traversal.hpp"
+#include "dynslam/semantic/scan_voxels.hpp"
 #include "dynslam/semantic/voxel.hpp"
+#include "dynslam/semantic/voxel_block_map.hpp"
+#include "dynslam/semantic/voxel_key.hpp"

@@ -25,6 +25,7 @@
 #include "dynslam/runtime/synth.hpp"
 #include "dynslam/runtime/text_lines.hpp"
 #include "dynslam/runtime/trajectory_io.hpp"
+#include "map_command.hpp"
 
 namespace {
 
@@ -303,6 +304,8 @@ int main(int argc, char** argv) {
   synth_command->add_flag("--exposure-change", synth_options.exposure_change, "Exposure varies over time");
   synth_command->add_flag("--motion-blur", synth_options.motion_blur, "The shutter is open for half a frame");
 
+  const dynslam::app::MapCommand map_command(app);
+
   const auto config = dynslam::app::add_config_option(app);
   try {
     app.parse(dynslam::app::arguments(argc, argv));
@@ -313,6 +316,7 @@ int main(int argc, char** argv) {
     if (*ablate_command) return ablate(ablate_options);
     if (*eval_command) return print(rt::evaluate_trajectory(estimate, groundtruth), json);
     if (*masks_command) return print(rt::evaluate_masks(predicted, truth), json);
+    if (map_command.chosen()) return map_command.run();
     ProgressLine line;
     rt::synthesize(synth_options, synth_out,
                    [&](int done, int total) { line.show(fmt::format("{}/{} frames", done, total)); });

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <octomap/ColorOcTree.h>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -17,6 +16,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/image_io.hpp"
+#include "dynslam/runtime/map_io.hpp"
 #include "dynslam/runtime/map_render.hpp"
 #include "dynslam/runtime/plot.hpp"
 #include "dynslam/runtime/tum_reader.hpp"
@@ -178,57 +178,6 @@ void write_overlays(const Ablation& ablation, const Sequence& sequence, const fs
   if (!rows.empty()) write_image(out / "overlays.png", contact_sheet(rows, captions));
 }
 
-/// Moves a view back, and turns it, until nearly all occupied voxels are in the picture.
-MapView fit_view(const octomap::ColorOcTree& tree, MapView view) {
-  std::vector<Eigen::Vector3d> points;
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-  for (auto it = tree.begin_leafs(), end = tree.end_leafs(); it != end; ++it) {
-    if (!tree.isNodeOccupied(*it)) continue;
-    points.emplace_back(it.getX(), it.getY(), it.getZ());
-    centre += points.back();
-  }
-  if (points.empty()) return view;
-  centre /= static_cast<double>(points.size());
-  // Turn about the eye: the shortest rotation that brings the centre onto the optical axis.
-  const Eigen::Vector3d c = view.T_w_c.inverse() * centre;
-  if (c.norm() > 1e-6) {
-    view.T_w_c = view.T_w_c * SE3<double>(Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), c),
-                                          Eigen::Vector3d::Zero());
-  }
-  const SE3<double> T_c_w = view.T_w_c.inverse();
-  // Distance that a point asks for so that |x| f / (z + back) stays within 0.46 of the picture's size.
-  std::vector<double> back;
-  for (const Eigen::Vector3d& p_w : points) {
-    const Eigen::Vector3d p = T_c_w * p_w;
-    const double x = std::abs(p.x()) / (0.46 * view.size.width),
-                 y = std::abs(p.y()) / (0.46 * view.size.height);
-    back.push_back(view.focal * std::max(x, y) - p.z());
-  }
-  const auto most = back.begin() + static_cast<std::ptrdiff_t>(0.999 * static_cast<double>(back.size() - 1));
-  std::nth_element(back.begin(), most, back.end());
-  const double nearest = (T_c_w * centre).z() - 0.8;  // never so far in that the scene is behind the eye
-  view.T_w_c = view.T_w_c * SE3<double>(SO3<double>(), Eigen::Vector3d(0, 0, std::min(-*most, nearest)));
-  return view;
-}
-
-octomap::ColorOcTree read_map(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::string word, type;
-  double resolution = 0;
-  // The header is read here: OctoMap's own reader writes to the terminal.
-  while (in >> word && word != "data") {
-    if (word == "id") in >> type;
-    if (word == "res") in >> resolution;
-    if (word.front() == '#') in.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
-  }
-  if (!in || type != "ColorOcTree" || !(resolution > 0))
-    throw InputError(path.string(), 0, "is not a map of this program");
-  in.get();  // the line's end
-  octomap::ColorOcTree tree(resolution);
-  tree.readData(in);
-  return tree;
-}
-
 void write_text(const fs::path& path, const std::string& text) {
   std::ofstream file(path);
   file << text;
@@ -295,9 +244,13 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
   write_overlays(result, sequence, options.out);
   if (options.map) {
     const AblationRow& last = result.rows.back();
-    const octomap::ColorOcTree tree = read_map(options.out / std::string(to_string(last.mode)) / "map.ot");
+    const auto tree = load_map(options.out / std::string(to_string(last.mode)) / "map.ot");
     const SE3<double> start = last.run.trajectory.empty() ? SE3<double>() : last.run.trajectory.front().T_w_c;
-    write_image(options.out / "map.png", render_map(tree, fit_view(tree, view_behind(start))));
+    const MapView view = fit_view(*tree, view_behind(start));
+    write_image(options.out / "map.png", render_map(*tree, view));
+    // The first camera is taken to be level: its y axis points down.
+    write_image(options.out / "map_height.png",
+                render_map(*tree, view, MapColours::height, -start.rotation_matrix().col(1)));
   }
   write_text(options.out / "tables.txt", to_text(result));
   write_text(options.out / "tables.md", to_markdown(result));

@@ -19,6 +19,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/frame_preparation.hpp"
+#include "dynslam/runtime/map_io.hpp"
 #include "dynslam/runtime/mask_reader.hpp"
 #include "dynslam/runtime/semantic_mapper.hpp"
 #include "dynslam/runtime/stopwatch.hpp"
@@ -155,6 +156,25 @@ void write_mask(const fs::path& path, const cv::Mat& mask) {
   }
 }
 
+using MappedPoses = std::vector<std::pair<int, SE3<double>>>;  // keyframe, T_w_c that the octree has
+
+/// Has the octree made again where a correction of the poses (a loop, bundle adjustment) is worth it.
+/// Scans go in at once, with the pose known then, so that the map shows what is there now; a map that
+/// waited for final poses would be late by as much as a robot drives in a loop.
+void follow_poses(SemanticMapper& mapper, const LocalMap& map, double resolution, MappedPoses& mapped) {
+  constexpr double kRange = 3.0;              // metres at which a turn is judged
+  const double worth_it = 0.25 * resolution;  // a surface's shift that is
+  bool moved = false;
+  for (const auto& [keyframe, T_w_c] : mapped) {
+    const SE3<double> now = map.pose(keyframe).inverse();
+    const double turn = (now.so3() * T_w_c.so3().inverse()).log().norm();
+    moved = moved || (now.translation() - T_w_c.translation()).norm() + kRange * turn > worth_it;
+  }
+  if (!moved) return;
+  for (auto& [keyframe, T_w_c] : mapped) T_w_c = map.pose(keyframe).inverse();
+  mapper.repose(mapped);
+}
+
 }  // namespace
 
 RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop,
@@ -203,6 +223,7 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
   const cv::Mat margin =
       cv::getStructuringElement(cv::MORPH_RECT, {2 * kMapMaskMargin + 1, 2 * kMapMaskMargin + 1});
   cv::Mat never_map;
+  MappedPoses mapped;
   try {
     while (!stop.load()) {
       std::optional<FrameResult> next;
@@ -242,8 +263,10 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
         if (result.keyframe) {
           if (mapper) {
             cv::dilate(result.dynamic_mask, never_map, margin);
-            mapper->insert(
-                {result.T_w_c, frame.depth, never_map.clone(), prior ? prior->labels : cv::Mat(), frame.bgr});
+            mapper->insert({result.T_w_c, frame.depth, never_map.clone(), prior ? prior->labels : cv::Mat(),
+                            frame.bgr, result.reference});
+            mapped.emplace_back(result.reference, result.T_w_c);
+            if (result.loop) follow_poses(*mapper, tracker.map(), options.map_resolution, mapped);
           }
         }
         const double lap = wall.lap_ms();
@@ -279,8 +302,10 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
   }
   if (mapper) {
     try {
+      follow_poses(*mapper, tracker.map(), options.map_resolution, mapped);
       mapper->finish();
       mapper->save(options.out / "map.ot");
+      export_map(mapper->tree(), options.out / "map_color.ot");  // for octovis, which knows no labels
     } catch (...) {
       if (!failure) failure = std::current_exception();
     }

@@ -5,9 +5,12 @@
 
 #include <fstream>
 #include <memory>
+#include <sstream>
 
 #include "dynslam/interop/octomap.hpp"
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/map_io.hpp"
+#include "dynslam/semantic/map_query.hpp"
 #include "tum_fixture.hpp"
 
 using namespace dynslam;
@@ -16,6 +19,7 @@ using namespace dynslam::runtime;
 namespace {
 
 const DistortedPinhole<double> kCamera(Pinhole<double>(100, 100, 80, 60));
+const cv::Rect kBlock(60, 40, 40, 40);
 
 /// A wall at 2 m; a block in its middle at 1 m.
 MapKeyframe keyframe(bool block, Label block_label, bool masked) {
@@ -25,15 +29,29 @@ MapKeyframe keyframe(bool block, Label block_label, bool masked) {
   k.labels = cv::Mat::zeros(120, 160, CV_8UC1);
   k.dynamic_mask = cv::Mat::zeros(120, 160, CV_8UC1);
   if (block) {
-    const cv::Rect area(60, 40, 40, 40);
-    k.depth(area) = 1.0;
-    k.labels(area) = static_cast<std::uint8_t>(block_label);
-    if (masked) k.dynamic_mask(area) = 255;
+    k.depth(kBlock) = 1.0;
+    k.labels(kBlock) = static_cast<std::uint8_t>(block_label);
+    if (masked) k.dynamic_mask(kBlock) = 255;
   }
   return k;
 }
 
-Occupancy at(const SemanticMapper& mapper, float x, float y, float z) { return interop::occupancy(mapper.tree(), {x, y, z}); }
+SE3<double> moved(double x, double turn) {
+  return {SO3<double>::exp(Eigen::Vector3d(0, turn, 0)), Eigen::Vector3d(x, 0, 0)};
+}
+
+MapVoxel voxel(const SemanticMapper& mapper, double x, double y, double z) {
+  return query_point(mapper.tree(), {x, y, z});
+}
+Occupancy at(const SemanticMapper& mapper, double x, double y, double z) {
+  return voxel(mapper, x, y, z).state;
+}
+
+std::string bytes(const SemanticMapper& mapper) {
+  std::ostringstream out;
+  mapper.tree().writeData(out);
+  return out.str();
+}
 
 }  // namespace
 
@@ -41,12 +59,12 @@ TEST_CASE("surfaces become occupied, rays free, the rest stays unknown; colours 
   SemanticMapper mapper(kCamera, 160, 120, {});
   mapper.insert(keyframe(false, Label::background, false));
   mapper.finish();
-  CHECK(at(mapper, 0.02F, 0.02F, 2.01F) == Occupancy::occupied);
-  CHECK(at(mapper, 0.02F, 0.02F, 1.02F) == Occupancy::free);
-  CHECK(at(mapper, 0.02F, 0.02F, 2.52F) == Occupancy::unknown);
+  CHECK(at(mapper, 0.02, 0.02, 2.01) == Occupancy::occupied);
+  CHECK(at(mapper, 0.02, 0.02, 1.02) == Occupancy::free);
+  CHECK(at(mapper, 0.02, 0.02, 2.52) == Occupancy::unknown);
   const auto* node = mapper.tree().search(0.02, 0.02, 2.01);
   REQUIRE(node != nullptr);
-  CHECK(node->getColor() == octomap::ColorOcTreeNode::Color(200, 100, 10));
+  CHECK(node->colour() == Rgb{200, 100, 10});
 }
 
 TEST_CASE("people and masked pixels never enter the map; chairs and displays carry their label") {
@@ -54,24 +72,112 @@ TEST_CASE("people and masked pixels never enter the map; chairs and displays car
     SemanticMapper mapper(kCamera, 160, 120, {});
     mapper.insert(keyframe(true, masked ? Label::background : Label::person, masked));
     mapper.finish();
-    CHECK(at(mapper, 0.02F, 0.02F, 1.01F) != Occupancy::occupied);
-    CHECK(at(mapper, 1.0F, 0.02F, 2.01F) == Occupancy::occupied);
+    CHECK(at(mapper, 0.02, 0.02, 1.01) != Occupancy::occupied);
+    CHECK(at(mapper, 1.0, 0.02, 2.01) == Occupancy::occupied);
+    // The way to a mover is free; where it is and behind it nothing is known.
+    CHECK(at(mapper, 0.02, 0.02, 0.5) == Occupancy::free);
+    CHECK(at(mapper, 0.02, 0.02, 1.02) == Occupancy::unknown);
+    CHECK(at(mapper, 0.02, 0.02, 1.52) == Occupancy::unknown);
   }
   for (const Label label : {Label::chair, Label::display}) {
     SemanticMapper mapper(kCamera, 160, 120, {});
     mapper.insert(keyframe(true, label, false));
     mapper.finish();
-    CHECK(label_of_colour(mapper.tree().search(0.02, 0.02, 1.01)->getColor()) == label);
-    CHECK(label_of_colour(mapper.tree().search(1.0, 0.02, 2.01)->getColor()) == Label::background);
+    const MapVoxel block = voxel(mapper, 0.02, 0.02, 1.01);
+    CHECK(block.state == Occupancy::occupied);
+    CHECK(block.label == static_cast<std::uint8_t>(label));
+    CHECK(block.confidence == 1.0F);
+    CHECK(voxel(mapper, 1.0, 0.02, 2.01).label == 0);
+    CHECK(query_point(mapper.tree(), {0.02, 0.02, 1.01}, 2).label == static_cast<std::uint8_t>(label));
   }
 }
 
 TEST_CASE("what has left is cleared by the rays that pass where it was") {
   SemanticMapper mapper(kCamera, 160, 120, {});
-  mapper.insert(keyframe(true, Label::background, false));
+  mapper.insert(keyframe(true, Label::chair, false));
   for (int i = 0; i < 4; ++i) mapper.insert(keyframe(false, Label::background, false));
   mapper.finish();
-  CHECK(at(mapper, 0.02F, 0.02F, 1.01F) == Occupancy::free);
+  CHECK(at(mapper, 0.02, 0.02, 1.01) == Occupancy::free);
+  CHECK(voxel(mapper, 0.02, 0.02, 1.01).confidence == 0.0F);
+  // A mover that hides the place afterwards brings nothing back, and what is behind it stays.
+  mapper.insert(keyframe(true, Label::person, true));
+  mapper.finish();
+  CHECK(at(mapper, 0.02, 0.02, 1.01) == Occupancy::free);
+  CHECK(at(mapper, 0.02, 0.02, 2.01) == Occupancy::occupied);
+}
+
+TEST_CASE("depth at edges is not mapped, grazing surfaces neither, far ones count less") {
+  MapKeyframe k = keyframe(true, Label::background, false);
+  // Flying pixels: between block and wall, as a sensor smears them.
+  k.depth(cv::Rect(kBlock.x + kBlock.width, kBlock.y, 1, kBlock.height)) = 1.5;
+  SemanticMapperOptions options;
+  options.scan.pixel_stride = 1;
+  SemanticMapper mapper(kCamera, 160, 120, options);
+  mapper.insert(k);
+  mapper.finish();
+  for (double y = -0.25; y < 0.25; y += 0.05) CHECK(at(mapper, 0.302, y, 1.51) != Occupancy::occupied);
+  CHECK(at(mapper, 0.02, 0.02, 1.01) == Occupancy::occupied);
+
+  const auto log_odds = [](double z) {
+    MapKeyframe wall = keyframe(false, Label::background, false);
+    wall.depth = z;
+    SemanticMapper m(kCamera, 160, 120, {});
+    m.insert(wall);
+    m.finish();
+    return static_cast<double>(voxel(m, 0.02, 0.02, z + 0.005).log_odds);
+  };
+  CHECK(log_odds(1.5) == doctest::Approx(0.8473).epsilon(1e-3));
+  CHECK(log_odds(3.9) < 0.5);
+  CHECK(log_odds(3.9) > 0.1);
+  CHECK(log_odds(4.2) == 0.0);  // out of range: no surface
+}
+
+TEST_CASE("the way to what is out of range is free") {
+  MapKeyframe k = keyframe(false, Label::background, false);
+  k.depth = 6.0;
+  SemanticMapper mapper(kCamera, 160, 120, {});
+  mapper.insert(k);
+  mapper.finish();
+  CHECK(at(mapper, 0.02, 0.02, 3.9) == Occupancy::free);
+  CHECK(at(mapper, 0.02, 0.02, 4.2) == Occupancy::unknown);
+}
+
+TEST_CASE("corrected poses: the map is what it would be had the keyframes come with them") {
+  const auto scene = [](int i) {
+    MapKeyframe k = keyframe(true, Label::chair, false);
+    k.depth += 0.03 * i;
+    k.id = 10 + i;
+    return k;
+  };
+  constexpr int kCount = 5;
+  const auto corrected = [](int i) { return moved(0.2 * i, 0.1 * i); };
+  SemanticMapper direct(kCamera, 160, 120, {}), followed(kCamera, 160, 120, {});
+  std::vector<std::pair<int, SE3<double>>> poses;
+  for (int i = 0; i < kCount; ++i) {
+    MapKeyframe k = scene(i);
+    k.T_w_c = i == 1 ? SE3<double>() : corrected(i);
+    direct.insert(k);
+    k.T_w_c = SE3<double>();  // drifted
+    followed.insert(k);
+    if (i != 1) poses.emplace_back(10 + i, corrected(i));  // keyframe 11 is not named: it keeps its pose
+    if (i == 2) followed.repose(poses);                    // and what comes later is inserted on top
+  }
+  poses.emplace_back(99, SE3<double>());  // unknown: ignored
+  followed.repose(poses);
+  direct.finish();
+  followed.finish();
+  CHECK(direct.tree().size() > 1000);
+  CHECK(bytes(followed) == bytes(direct));
+  CHECK(followed.retained_bytes() > 0);
+  CHECK(followed.retained_bytes() < 6 * 80 * 60 * kCount + 1);
+
+  SemanticMapperOptions lean;
+  lean.retain_scans = false;
+  SemanticMapper forgetful(kCamera, 160, 120, lean);
+  forgetful.insert(scene(0));
+  CHECK_THROWS_AS(forgetful.repose({}), UsageError);
+  forgetful.finish();
+  CHECK(forgetful.retained_bytes() == 0);
 }
 
 TEST_CASE("a saved map reads back with labels; two runs give the same bytes; bad paths are told") {
@@ -83,13 +189,11 @@ TEST_CASE("a saved map reads back with labels; two runs give the same bytes; bad
     mapper.save(folder.path / name);
     CHECK_THROWS_AS(mapper.save(folder.path / "no" / "such.ot"), InputError);
   }
-  const auto bytes = [&](const char* name) {
+  const auto file = [&](const char* name) {
     std::ifstream in(folder.path / name, std::ios::binary);
     return std::string(std::istreambuf_iterator<char>(in), {});
   };
-  CHECK(bytes("a.ot") == bytes("b.ot"));
-  const std::unique_ptr<octomap::AbstractOcTree> tree(octomap::AbstractOcTree::read((folder.path / "a.ot").string()));
-  const auto* colour = dynamic_cast<const octomap::ColorOcTree*>(tree.get());
-  REQUIRE(colour != nullptr);
-  CHECK(label_of_colour(colour->search(0.02, 0.02, 1.01)->getColor()) == Label::chair);
+  CHECK(file("a.ot") == file("b.ot"));
+  const auto tree = load_map(folder.path / "a.ot");
+  CHECK(query_point(*tree, {0.02, 0.02, 1.01}).label == static_cast<std::uint8_t>(Label::chair));
 }

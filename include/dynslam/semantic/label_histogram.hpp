@@ -10,20 +10,31 @@
 namespace dynslam {
 
 /// Votes for `N` labels, bounded: when one count is full all are halved, so old votes fade.
+///
+/// The model: each scan casts a fixed number of votes for a voxel, shared among the labels of the pixels that
+/// fell into it. A label's share of the votes is the estimate of its probability, i.e. the mean of a
+/// Dirichlet posterior without prior whose evidence is forgotten by half every 255 votes for the leading
+/// label.
 template <std::size_t N>
 class LabelHistogram {
  public:
   using Label = std::uint8_t;
+  static constexpr std::size_t kLabels = N;
+  static constexpr int kMaxVotes = std::numeric_limits<std::uint8_t>::max();
 
-  /// Adds a vote; labels from N on are ignored.
-  void add(Label label) {
+  LabelHistogram() = default;
+  /// From stored votes.
+  explicit LabelHistogram(const std::array<std::uint8_t, N>& votes) : votes_(votes) {}
+
+  /// Adds votes; labels from N on are ignored. @param n  0 to 127
+  void add(Label label, int n = 1) {
     if (label >= N) return;
-    if (votes_[label] == std::numeric_limits<std::uint8_t>::max()) {
+    if (votes_[label] + n > kMaxVotes) {
       for (auto& v : votes_) v = static_cast<std::uint8_t>(v / 2);
     }
-    ++votes_[label];
+    votes_[label] = static_cast<std::uint8_t>(votes_[label] + n);
   }
-  /// Adds another voxel's votes (children into their parent), scaled down together to fit.
+  /// Adds another voxel's votes, scaled down together to fit.
   void merge(const LabelHistogram& other) {
     std::array<int, N> sum{};
     int largest = 0;
@@ -31,9 +42,24 @@ class LabelHistogram {
       sum[i] = votes_[i] + other.votes_[i];
       largest = std::max(largest, sum[i]);
     }
-    const int divisor = largest > std::numeric_limits<std::uint8_t>::max() ? 2 : 1;
+    const int divisor = largest > kMaxVotes ? 2 : 1;
     for (std::size_t i = 0; i < N; ++i) votes_[i] = static_cast<std::uint8_t>(sum[i] / divisor);
   }
+  /// From sums of votes (children into their parent): divided by `divisor`, or by more so that the largest
+  /// fits, and rounded up, so that no vote vanishes. The top label is that of the sums.
+  [[nodiscard]] static LabelHistogram from_sums(const std::array<int, N>& sums, int divisor = 1) {
+    const auto top = static_cast<std::size_t>(std::max_element(sums.begin(), sums.end()) - sums.begin());
+    divisor = std::max(divisor, (sums[top] + kMaxVotes - 1) / kMaxVotes);
+    LabelHistogram out;
+    for (std::size_t i = 0; i < N; ++i)
+      out.votes_[i] = static_cast<std::uint8_t>((sums[i] + divisor - 1) / divisor);
+    // Rounding may have made a tie, which a smaller label would win.
+    for (std::size_t i = 0; i < top; ++i)
+      if (out.votes_[i] == out.votes_[top] && out.votes_[i] > 0) --out.votes_[i];
+    return out;
+  }
+  void clear() { votes_ = {}; }
+
   /// Label with most votes, the smaller one in a tie; 0 when there are none.
   [[nodiscard]] Label top() const {
     return static_cast<Label>(std::max_element(votes_.begin(), votes_.end()) - votes_.begin());
@@ -48,7 +74,9 @@ class LabelHistogram {
     for (const auto v : votes_) sum += v;
     return sum;
   }
+  [[nodiscard]] bool empty() const { return votes_ == std::array<std::uint8_t, N>{}; }
   [[nodiscard]] int votes(Label label) const { return label < N ? votes_[label] : 0; }
+  bool operator==(const LabelHistogram&) const = default;
 
  private:
   std::array<std::uint8_t, N> votes_{};

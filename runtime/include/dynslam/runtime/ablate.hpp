@@ -19,9 +19,10 @@ namespace dynslam::runtime {
 struct AblationRow {
   DynamicsMode mode = DynamicsMode::none;
   RunSummary run;
-  std::optional<TrajectoryReport> trajectory;  ///< empty where the run cannot be compared with the ground truth
-  std::string not_comparable;                  ///< why, then
-  std::optional<MaskReport> masks;             ///< where the sequence has dynamic_mask/ and was run in full
+  std::optional<TrajectoryReport>
+      trajectory;                   ///< empty where the run cannot be compared with the ground truth
+  std::string not_comparable;       ///< why, then
+  std::optional<MaskReport> masks;  ///< where the sequence has dynamic_mask/ and was run in full
 };
 
 struct Ablation {
@@ -33,7 +34,7 @@ struct Ablation {
 
 /// Runs a sequence in all four modes (the paper's Table 4) into out/<mode>/ and writes tables.txt,
 /// tables.md, ablation.json, trajectory_<mode>.png (Fig. 5), overlays.png (Fig. 3),
-/// <mode>/overlays/<stamp>.png, ate_over_time.png and map.png.
+/// <mode>/overlays/<stamp>.png, ate_over_time.png, map.png and map_height.png.
 /// A-priori masks come from `options.masks` or from the sequence's own label/ folder.
 /// @throws InputError  like run_sequence, and without ground truth
 [[nodiscard]] Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,

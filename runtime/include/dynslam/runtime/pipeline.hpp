@@ -53,8 +53,9 @@ struct RunSummary {
   bool interrupted = false;
 };
 
-/// Runs a sequence and writes trajectory.txt, keyframes.txt, map.ot, timings.csv, summary.json and
-/// masks/ into `options.out`. What was computed is saved also when `stop` becomes true midway.
+/// Runs a sequence and writes trajectory.txt, keyframes.txt, map.ot (and map_color.ot for octovis),
+/// timings.csv, summary.json and masks/ into `options.out`. What was computed is saved also when `stop`
+/// becomes true midway.
 /// @throws InputError  unreadable sequence or masks, unwritable output, or no frame tracked at all
 ///         (the files are written first where possible)
 RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop,

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <octomap/ColorOcTree.h>
-
-#include <array>
 #include <condition_variable>
 #include <cstddef>
 #include <deque>
@@ -12,30 +9,24 @@
 #include <mutex>
 #include <opencv2/core.hpp>
 #include <thread>
-#include <unordered_map>
-#include <unordered_set>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include "dynslam/geometry/brown_conrady.hpp"
 #include "dynslam/geometry/se3.hpp"
-#include "dynslam/runtime/mask_reader.hpp"
-#include "dynslam/semantic/label_histogram.hpp"
+#include "dynslam/interop/octomap_semantic_tree.hpp"
+#include "dynslam/runtime/map_scan.hpp"
 #include "dynslam/semantic/log_odds.hpp"
 
 namespace dynslam::runtime {
 
-/// Colour of a class in the map (R, G, B): a voxel of class chair or display has exactly this colour,
-/// background voxels carry the observed colour. That is how labels are read back from a `.ot` file.
-[[nodiscard]] octomap::ColorOcTreeNode::Color class_colour(Label label);
-/// Label of a voxel of a saved map, by its colour.
-[[nodiscard]] Label label_of_colour(const octomap::ColorOcTreeNode::Color& colour);
-
 struct SemanticMapperOptions {
   double resolution = 0.05;  ///< metres
-  double max_range = 4.0;    ///< metres along the optical axis; farther depth is too coarse to map
-  int pixel_stride = 2;      ///< every so many pixels in both directions
+  MapScanOptions scan;
   LogOddsParams<float> occupancy;
   std::size_t queue = 2;     ///< keyframes waiting; beyond, insert() blocks
+  bool retain_scans = true;  ///< keep what repose() needs, about 400 kB per keyframe
 };
 
 /// A keyframe's contribution to the map.
@@ -45,51 +36,62 @@ struct MapKeyframe {
   cv::Mat dynamic_mask;  ///< CV_8UC1, nonzero is never mapped; empty: nothing masked
   cv::Mat labels;        ///< CV_8UC1 of Label, or empty
   cv::Mat bgr;           ///< CV_8UC3
+  int id = -1;           ///< names the keyframe in repose()
 };
 
-/// Fuses keyframes into an octree on a thread of its own (paper, step 11; Eqs 9 to 12).
+/// Fuses keyframes into a semantic octree on a thread of its own (paper, step 11; Eqs 9 to 12).
 ///
-/// Per keyframe each voxel is updated once, occupied before free; people (Label::person) and masked
-/// pixels are never mapped. The result depends on the keyframes and their order alone.
+/// Per keyframe each voxel is updated once, occupied before free; people (Label::person) and masked pixels
+/// are never occupied, but the way to them is free. The result depends on the keyframes, the poses and their
+/// order alone.
 class SemanticMapper {
  public:
-  SemanticMapper(const DistortedPinhole<double>& camera, int width, int height, const SemanticMapperOptions& options);
+  SemanticMapper(const DistortedPinhole<double>& camera, int width, int height,
+                 const SemanticMapperOptions& options);
 
   /// Queues a keyframe; the images are shared, not copied, and must not be changed afterwards.
   /// Blocks while the queue is full. @throws what the thread met
   void insert(MapKeyframe keyframe);
+  /// Queues a correction of keyframes' poses, as after a closed loop: the tree is built again from the scans
+  /// queued so far, in their order, with these poses; keyframes that are not named keep theirs, unknown names
+  /// are ignored. The tree is then what it would be had the keyframes come with these poses (the last one
+  /// given to each). Blocks while the queue is full. @throws UsageError without retained scans; what the
+  /// thread met
+  void repose(std::vector<std::pair<int, SE3<double>>> T_w_c);
   /// Waits until everything is in the tree. @throws what the thread met
   void finish();
-  /// Writes the tree (OctoMap `.ot`) through a temporary file. Call finish() first. @throws InputError
+  /// Writes the tree (`.ot` of type SemanticOcTree) through a temporary file. Call finish() first. @throws
+  /// InputError
   void save(const std::filesystem::path& path) const;
   /// Valid after finish().
-  [[nodiscard]] const octomap::ColorOcTree& tree() const { return tree_; }
+  [[nodiscard]] const interop::SemanticOcTree& tree() const { return tree_; }
+  /// Memory of the retained scans. Valid after finish().
+  [[nodiscard]] std::size_t retained_bytes() const;
 
  private:
-  using Key = octomap::OcTreeKey;
-  using KeyHash = octomap::OcTreeKey::KeyHash;
-  struct Voxel {  // what the tree's node cannot hold
-    LabelHistogram<4> labels;
-    std::array<float, 3> colour{};  // running mean
-    int samples = 0;
+  using Poses = std::vector<std::pair<int, SE3<double>>>;
+  using Job = std::variant<MapKeyframe, Poses>;
+  struct Retained {
+    int id;
+    SE3<double> T_w_c;
+    MapScan scan;
   };
 
+  void enqueue(Job job);
   void work(const std::stop_token& stop);
-  void fuse(const MapKeyframe& keyframe);
+  void fuse(const MapScan& scan, const SE3<double>& T_w_c);
+  void run(const MapKeyframe& keyframe);
+  void run(const Poses& poses);
 
   SemanticMapperOptions options_;
-  int width_;  // of the images [px]
-  std::vector<Eigen::Vector3f> rays_;  // per used pixel, z = 1
-  std::vector<int> pixels_;            // its index in the image
-  octomap::ColorOcTree tree_;
-  std::unordered_map<Key, Voxel, KeyHash> voxels_;
-  std::vector<Key> hits_, misses_;
-  std::unordered_set<Key, KeyHash> hit_set_, miss_set_;
-  octomap::KeyRay ray_;
+  MapScanner scanner_;
+  interop::SemanticOcTree tree_;
+  ScanVoxels voxels_;
+  std::vector<Retained> retained_;
 
   std::mutex mutex_;
   std::condition_variable_any changed_;
-  std::deque<MapKeyframe> queue_;
+  std::deque<Job> queue_;
   bool busy_ = false;
   std::exception_ptr failure_;
   std::jthread thread_;  // last: it uses all of the above

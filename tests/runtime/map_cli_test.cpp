@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// `dynslam map` as a user calls it.
+#include <doctest/doctest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "dynslam/runtime/map_io.hpp"
+#include "recorded_scans.hpp"
+#include "tum_fixture.hpp"
+
+#ifdef DYNSLAM_PROGRAM
+using namespace dynslam;
+
+namespace {
+
+struct Result {
+  int code;
+  std::string out;  ///< stdout and stderr
+};
+
+Result call(const std::string& arguments) {
+  FILE* pipe = popen((std::string(DYNSLAM_PROGRAM) + " " + arguments + " 2>&1").c_str(), "r");
+  REQUIRE(pipe != nullptr);
+  Result result;
+  std::array<char, 4096> buffer;
+  while (const std::size_t n = fread(buffer.data(), 1, buffer.size(), pipe))
+    result.out.append(buffer.data(), n);
+  result.code = WEXITSTATUS(pclose(pipe));
+  return result;
+}
+
+/// A table (class chair) and walls, see room_scans(); saved as map.ot.
+struct SavedMap : test::TemporaryFolder {
+  std::string map = (path / "map.ot").string();
+  SavedMap() {
+    interop::SemanticOcTree tree(0.05);
+    ScanVoxels voxels(tree.grid());
+    for (const auto& scan : test::room_scans(4, 160, 120)) {
+      gather_point_cloud(voxels, scan.points, scan.origin, 4.0, true);
+      tree.integrate(voxels);
+    }
+    runtime::save_map(tree, map);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("map info and export") {
+  const SavedMap saved;
+  const Result text = call("map info " + saved.map);
+  CHECK(text.code == 0);
+  CHECK(text.out.find("chair") != std::string::npos);
+  const auto json = nlohmann::json::parse(call("map info " + saved.map + " --json").out);
+  CHECK(json["classes"]["chair"]["voxels"].get<int>() > 100);
+  CHECK(json["resolution_m"] == 0.05);
+  for (const char* name : {"c.ot", "b.bt", "p.ply", "s.txt", "s.json"}) {
+    const Result r = call("map export " + saved.map + " " + (saved.path / name).string());
+    CHECK(r.code == 0);
+    CHECK(r.out == "");
+    CHECK(std::filesystem::file_size(saved.path / name) > 100);
+  }
+  for (const char* colours : {"classes", "height"}) {
+    const std::string picture = (saved.path / "p.png").string();
+    CHECK(call("map render " + saved.map + " " + picture + " --colours " + colours).code == 0);
+    CHECK(std::filesystem::file_size(picture) > 1000);
+  }
+}
+
+TEST_CASE("map query answers about points, boxes, rays and obstacles, fine and coarse") {
+  const SavedMap saved;
+  const auto ask = [&](const std::string& question) {
+    const Result r = call("map query " + saved.map + " --json " + question);
+    CAPTURE(question);
+    CAPTURE(r.out);
+    REQUIRE(r.code == 0);
+    return nlohmann::json::parse(r.out);
+  };
+  // The wall ahead is at z = 2.5, the table's top at y = 0.4 around z = 1.4.
+  const auto down = ask("--ray 0.1 0 1.4 0 1 0");
+  CHECK(down["class"] == "chair");
+  CHECK(down["distance_m"].get<double>() == doctest::Approx(0.4).epsilon(0.15));
+  CHECK(ask("--ray 0.1 0 0.2 0 0 1")["class"] == "background");
+  CHECK(ask("--ray 0.1 0 0.2 0 0 1 --range 1")["state"] == "free");
+  CHECK(ask("--at 0.1 0 1")["state"] == "free");
+  CHECK(ask("--at 90 0 1")["state"] == "unknown");
+  CHECK(ask("--ray 90 0 1 1 0 0 --unknown-blocks")["state"] == "unknown");
+  const auto near = ask("--nearest 0.1 0.1 1.4");
+  CHECK(near["class"] == "chair");
+  CHECK(near["distance_m"].get<double>() == doctest::Approx(0.28).epsilon(0.2));
+  CHECK(near["edge_m"] == 0.05);
+  CHECK(ask("--nearest 0.1 0.1 1.4 --cell 0.2")["edge_m"] == 0.2);
+  CHECK(ask("--nearest 0.1 -0.3 1 --range 0.1")["state"] == "none");
+  const auto box = ask("--box -0.5 0.3 1.1 0.5 0.5 1.7");
+  CHECK(box["classes"]["chair"].get<int>() > 50);
+  CHECK(ask("--box 0.5 0.5 1.7 -0.5 0.3 1.1") == box);  // any two corners
+  CHECK(call("map query " + saved.map + " --at 0.1 0 1").out.find("free") == 0);
+}
+
+TEST_CASE("mistakes with maps are one line and a non-zero code") {
+  const SavedMap saved;
+  const std::string folder = saved.path.string();
+  std::ofstream(folder + "/junk.ot") << "junk";
+  CHECK(call("map export " + saved.map + " " + folder + "/colour.ot").code == 0);
+  const auto fails = [](const std::string& arguments, int code, const std::string& part) {
+    const Result r = call(arguments);
+    CAPTURE(arguments);
+    CAPTURE(r.out);
+    CHECK(r.code == code);
+    CHECK(r.out.rfind("dynslam: error: ", 0) == 0);
+    CHECK(std::count(r.out.begin(), r.out.end(), '\n') == 1);
+    CHECK(r.out.find(part) != std::string::npos);
+  };
+  fails("map", 2, "subcommand");
+  fails("map info " + folder + "/absent.ot", 1, "absent.ot: does not exist");
+  fails("map info " + folder + "/junk.ot", 1, "junk.ot: is not an OctoMap file");
+  fails("map info " + folder + "/colour.ot", 1, "ColorOcTree");
+  fails("map export " + saved.map + " " + folder + "/no/x.ply", 1, "x.ply: cannot be written");
+  fails("map export " + saved.map + " " + folder + "/x.stl", 2, "x.stl");
+  fails("map query " + saved.map, 2, "needs a question");
+  fails("map query " + saved.map + " --at 1 2", 2, "--at");
+  fails("map query " + saved.map + " --at 1 2 nan", 2, "'nan' is not a finite number");
+  fails("map query " + saved.map + " --at 1 2 3 --nearest 1 2 3", 2, "excludes");
+  fails("map query " + saved.map + " --ray 0 0 0 0 0 0", 2, "direction is zero");
+  fails("map query " + saved.map + " --at 0 0 0 --range -1", 2, "--range");
+}
+#endif
