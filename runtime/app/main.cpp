@@ -150,6 +150,8 @@ void add_run_options(CLI::App& app, rt::RunOptions& o) {
       ->capture_default_str()
       ->check(number_in(0.005, 1.0));
   app.add_option("--loops", o.tracker.close_loops, "Close loops")->capture_default_str();
+  app.add_option("--load-map", o.load_map, "Go on in the map that an earlier run saved in this folder");
+  app.add_option("--save-map", o.save_map, "Save the map in this folder, for --load-map");
   app.add_option("--max-frames", o.max_frames, "Stop after so many frames (0: all)")
       ->capture_default_str()
       ->check(whole());

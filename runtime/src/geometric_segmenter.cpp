@@ -153,7 +153,7 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const SE3<doubl
   matches_.clear();
   Stopwatch watch;
   const std::size_t n = reference_.pixels.size();
-  std::vector<cv::Point2f> from, to, back, projected;
+  std::vector<cv::Point2f> from, to, projected, back;
   std::vector<std::size_t> index;
   for (std::size_t i = 0; i < n; ++i) {  // seeded by the projection with the initial pose
     const auto x = camera_.model.project(T_c_w * reference_.points_w[i]);
@@ -168,7 +168,6 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const SE3<doubl
     return;
   }
   projected = to;
-  back = from;
   const cv::Size window(options_.lk_window, options_.lk_window);
   const cv::TermCriteria stop(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 20, 0.03);
   const std::vector<cv::Mat> pyramid =
@@ -176,8 +175,24 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const SE3<doubl
   std::vector<std::uint8_t> found, returned;
   cv::calcOpticalFlowPyrLK(reference_.pyramid, pyramid, from, to, found, cv::noArray(), window,
                            options_.lk_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW);
-  cv::calcOpticalFlowPyrLK(pyramid, reference_.pyramid, to, back, returned, cv::noArray(), window,
-                           options_.lk_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW);
+  // Who is found where the pose expects it needs no second witness; whoever seems to have moved does.
+  std::vector<cv::Point2f> doubted, origin;
+  std::vector<std::size_t> doubted_index;
+  for (std::size_t k = 0; k < to.size(); ++k) {
+    if (found[k] == 0 || cv::norm(to[k] - projected[k]) < options_.forward_backward) continue;
+    doubted.push_back(to[k]);
+    origin.push_back(from[k]);
+    doubted_index.push_back(k);
+  }
+  if (!doubted.empty()) {
+    back = origin;
+    cv::calcOpticalFlowPyrLK(pyramid, reference_.pyramid, doubted, back, returned, cv::noArray(), window,
+                             options_.lk_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW);
+    for (std::size_t d = 0; d < doubted.size(); ++d) {
+      if (returned[d] == 0 || cv::norm(back[d] - origin[d]) > options_.forward_backward)
+        found[doubted_index[d]] = 0;
+    }
+  }
   statistics.lk_ms = watch.lap_ms();
 
   struct Track {
@@ -189,8 +204,7 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const SE3<doubl
   };
   std::vector<Track> tracks;
   for (std::size_t k = 0; k < from.size(); ++k) {
-    if (found[k] == 0 || returned[k] == 0 || cv::norm(back[k] - from[k]) > options_.forward_backward)
-      continue;
+    if (found[k] == 0) continue;
     const auto ideal = camera_.model.undistort_pixel(Eigen::Vector2d(to[k].x, to[k].y));
     const int u = cvRound(to[k].x), v = cvRound(to[k].y);
     if (!ideal || u < 0 || v < 0 || u >= camera_.width || v >= camera_.height) continue;
@@ -432,10 +446,26 @@ void GeometricSegmenter::grow(GeometryStatistics& statistics) {
   }
 }
 
-void GeometricSegmenter::enlarge(const cv::Mat& depth, cv::Mat& mask) const {
+void GeometricSegmenter::enlarge(const cv::Mat& depth, cv::Mat& mask) {
   mask = cv::Mat::zeros(camera_.height, camera_.width, CV_8UC1);
   const std::uint8_t* cells = mask_.view().data();
   const float* cell_depth = depth_.view().data();
+  // Only at the rim of a region must pixels be looked at one by one.
+  enum : std::uint8_t { kOutside, kRim, kInside };
+  for (int j = 0; j < height_; ++j) {
+    for (int i = 0; i < width_; ++i) {
+      bool any = false, all = true;
+      for (int y = std::max(0, j - 1); y <= std::min(height_ - 1, j + 1); ++y) {
+        for (int x = std::max(0, i - 1); x <= std::min(width_ - 1, i + 1); ++x) {
+          const bool on = cells[y * width_ + x] != 0;
+          any = any || on;
+          all = all && on;
+        }
+      }
+      zone_(i, j) = all ? kInside : any ? kRim : kOutside;
+    }
+  }
+  const std::uint8_t* zone = zone_.data();
   // Each pixel near the region follows the neighbouring cell whose depth is most like its own, which
   // restores the object's outline at full resolution.
   for (int v = 0; v < camera_.height; ++v) {
@@ -443,7 +473,11 @@ void GeometricSegmenter::enlarge(const cv::Mat& depth, cv::Mat& mask) const {
     std::uint8_t* out = mask.ptr<std::uint8_t>(v);
     for (int u = 0; u < camera_.width; ++u) {
       const int c = cell_of_pixel_[static_cast<std::size_t>(v * camera_.width + u)];
-      if (c < 0) continue;
+      if (c < 0 || zone[c] == kOutside) continue;
+      if (zone[c] == kInside) {
+        out[u] = 255;
+        continue;
+      }
       const int i = c % width_, j = c / width_;
       int on = 0, total = 0;
       float best = std::numeric_limits<float>::max();
@@ -460,9 +494,8 @@ void GeometricSegmenter::enlarge(const cv::Mat& depth, cv::Mat& mask) const {
           }
         }
       }
-      if (on == 0) continue;
       const bool valid = is_valid_depth(z[u]);
-      if (on == total || (valid && verdict != 0) || (!valid && 2 * on >= total)) out[u] = 255;
+      if ((valid && verdict != 0) || (!valid && 2 * on >= total)) out[u] = 255;
     }
   }
 }

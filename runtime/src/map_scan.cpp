@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "dynslam/runtime/map_scan.hpp"
 
+#include "binary_file.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -12,6 +14,28 @@ namespace {
 constexpr float kCarveSigmas = 2.0F;  // a ray stops so many standard deviations before the surface
 
 }  // namespace
+
+void MapScan::write(BinaryWriter& out) const {
+  out.put(depth_);
+  out.put(code_);
+  out.put(rgb_);
+}
+
+MapScan MapScan::read(BinaryReader& in, std::size_t samples) {
+  MapScan scan;
+  in.get(scan.depth_);
+  in.get(scan.code_);
+  in.get(scan.rgb_);
+  in.require(scan.depth_.size() == samples && scan.code_.size() == samples, "holds scans of another camera");
+  std::size_t surface = 0;
+  for (const std::uint8_t code : scan.code_) {
+    const int use = code >> 6;
+    in.require(use <= static_cast<int>(Use::surface), "holds a scan that cannot be");
+    surface += use == static_cast<int>(Use::surface) ? 1 : 0;
+  }
+  in.require(scan.rgb_.size() == 3 * surface, "holds a scan that cannot be");
+  return scan;
+}
 
 MapScanner::MapScanner(const DistortedPinhole<double>& camera, int width, int height,
                        const MapScanOptions& options)

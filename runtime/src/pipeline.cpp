@@ -21,6 +21,7 @@
 #include "dynslam/runtime/frame_preparation.hpp"
 #include "dynslam/runtime/map_io.hpp"
 #include "dynslam/runtime/mask_reader.hpp"
+#include "dynslam/runtime/saved_map.hpp"
 #include "dynslam/runtime/semantic_mapper.hpp"
 #include "dynslam/runtime/stopwatch.hpp"
 #include "dynslam/runtime/trajectory_io.hpp"
@@ -120,6 +121,9 @@ nlohmann::json summary_json(const RunOptions& options, const CameraConfig& camer
                         {"model", options.segmentation.segmenter.model.string()},
                         {"segment_every", options.segmentation.every},
                         {"segment_async", options.segmentation.async},
+                        {"load_map", options.load_map.string()},
+                        {"save_map", options.save_map.string()},
+                        {"loops", t.close_loops},
                         {"map", options.map},
                         {"map_resolution", options.map_resolution},
                         {"max_frames", options.max_frames},
@@ -210,6 +214,14 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
     mapper = std::make_unique<SemanticMapper>(camera.model, camera.width, camera.height, mapper_options);
   }
 
+  MappedPoses mapped;
+  if (!options.load_map.empty()) {
+    tracker.load(load_slam_map(options.load_map, camera));
+    if (mapper && fs::exists(options.load_map / "scans.bin"))
+      mapped = mapper->load_scans(options.load_map / "scans.bin");
+  }
+  if (!options.save_map.empty()) check_map_folder(options.save_map);
+
   RunSummary summary;
   Timings timings;
   std::vector<FramePose> poses;
@@ -223,7 +235,6 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
   const cv::Mat margin =
       cv::getStructuringElement(cv::MORPH_RECT, {2 * kMapMaskMargin + 1, 2 * kMapMaskMargin + 1});
   cv::Mat never_map;
-  MappedPoses mapped;
   try {
     while (!stop.load()) {
       std::optional<FrameResult> next;
@@ -310,6 +321,13 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
       if (!failure) failure = std::current_exception();
     }
   }
+  if (!options.save_map.empty() && !tracker.map().keyframes().empty()) {
+    try {
+      save_slam_map(tracker.map(), camera, failure ? nullptr : mapper.get(), options.save_map);
+    } catch (...) {
+      if (!failure) failure = std::current_exception();
+    }
+  }
   elapsed_ms += wall.lap_ms();
   summary.fps = elapsed_ms > 0 ? 1000.0 * static_cast<double>(summary.frames) / elapsed_ms : 0.0;
   summary.peak_rss_mb = peak_rss_mb();
@@ -320,6 +338,8 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
   timings.write(options.out / "timings.csv");
   write_text(options.out / "summary.json", summary_json(options, camera, summary).dump(2) + "\n");
   if (failure) std::rethrow_exception(failure);
+  if (summary.tracked == 0 && !summary.interrupted && !options.load_map.empty())
+    throw InputError(options.load_map.string(), 0, "the camera never found itself in this map");
   if (summary.tracked == 0 && !summary.interrupted) {
     throw InputError(options.sequence.string(), 0,
                      summary.problems.empty()

@@ -1,14 +1,23 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "dynslam/runtime/semantic_mapper.hpp"
 
+#include <cstdint>
+#include <string_view>
 #include <unordered_map>
 #include <utility>
 
+#include "binary_file.hpp"
 #include "dynslam/interop/octomap.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/map_io.hpp"
 
 namespace dynslam::runtime {
+namespace {
+
+constexpr std::string_view kMagic = "dynslam scans";
+constexpr std::uint32_t kVersion = 1;
+
+}  // namespace
 
 SemanticMapper::SemanticMapper(const DistortedPinhole<double>& camera, int width, int height,
                                const SemanticMapperOptions& options)
@@ -56,7 +65,7 @@ void SemanticMapper::work(const std::stop_token& stop) {
     }
     std::exception_ptr failure;
     try {
-      std::visit([this](const auto& what) { run(what); }, job);
+      std::visit([this](auto& what) { run(what); }, job);
     } catch (...) {
       failure = std::current_exception();
     }
@@ -68,13 +77,13 @@ void SemanticMapper::work(const std::stop_token& stop) {
   }
 }
 
-void SemanticMapper::run(const MapKeyframe& keyframe) {
+void SemanticMapper::run(MapKeyframe& keyframe) {
   MapScan scan = scanner_.pack(keyframe.depth, keyframe.dynamic_mask, keyframe.labels, keyframe.bgr);
   fuse(scan, keyframe.T_w_c);
   if (options_.retain_scans) retained_.push_back({keyframe.id, keyframe.T_w_c, std::move(scan)});
 }
 
-void SemanticMapper::run(const Poses& poses) {
+void SemanticMapper::run(Poses& poses) {
   std::unordered_map<int, SE3<double>> pose_of;
   for (const auto& [id, T_w_c] : poses) pose_of.insert_or_assign(id, T_w_c);
   tree_.clear();
@@ -82,6 +91,40 @@ void SemanticMapper::run(const Poses& poses) {
     if (const auto it = pose_of.find(keyframe.id); it != pose_of.end()) keyframe.T_w_c = it->second;
     fuse(keyframe.scan, keyframe.T_w_c);
   }
+}
+
+void SemanticMapper::run(Scans& scans) {
+  for (Retained& keyframe : scans) {
+    fuse(keyframe.scan, keyframe.T_w_c);
+    if (options_.retain_scans) retained_.push_back(std::move(keyframe));
+  }
+}
+
+std::vector<std::pair<int, SE3<double>>> SemanticMapper::load_scans(const std::filesystem::path& path) {
+  BinaryReader in = read_binary(path, kMagic, kVersion);
+  Scans scans;
+  Poses poses;
+  const std::size_t n = in.count(16);
+  for (std::size_t k = 0; k < n; ++k) {
+    const int id = in.get<std::int32_t>();
+    const auto T_w_c = in.get<SE3<double>>();
+    scans.push_back({id, T_w_c, MapScan::read(in, scanner_.samples())});
+    poses.emplace_back(id, T_w_c);
+  }
+  in.finish();
+  enqueue(std::move(scans));
+  return poses;
+}
+
+void SemanticMapper::save_scans(const std::filesystem::path& path) const {
+  BinaryWriter out;
+  out.put(static_cast<std::uint64_t>(retained_.size()));
+  for (const Retained& keyframe : retained_) {
+    out.put(static_cast<std::int32_t>(keyframe.id));
+    out.put(keyframe.T_w_c);
+    keyframe.scan.write(out);
+  }
+  write_binary(path, kMagic, kVersion, out);
 }
 
 void SemanticMapper::fuse(const MapScan& scan, const SE3<double>& T_w_c) {

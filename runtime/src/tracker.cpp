@@ -456,6 +456,15 @@ void Tracker::finish() {
   (void)settle();
 }
 
+void Tracker::load(LocalMap map) {
+  map_ = std::move(map);
+  for (const Keyframe& k : map_.keyframes()) {
+    if (!k.culled()) places_.add(k.id, k.frame);
+  }
+  initialised_ = true;
+  lost_frames_ = 1;
+}
+
 SE3<double> Tracker::settle() {
   if (!bundle_.pending()) return {};
   const SE3<double> D = bundle_.apply(map_);

@@ -112,7 +112,7 @@ class GeometricSegmenter {
   void check_free_space(const SE3<double>& T_c_w);
   void add_keypoint_seeds();
   void grow(GeometryStatistics& statistics);
-  void enlarge(const cv::Mat& depth, cv::Mat& mask) const;
+  void enlarge(const cv::Mat& depth, cv::Mat& mask);
   [[nodiscard]] int cell_of_pixel(float u, float v) const;
 
   CameraConfig camera_;

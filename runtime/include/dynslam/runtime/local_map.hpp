@@ -39,6 +39,11 @@ struct Keyframe {
 /// Keyframes and points, with the covisibility query that tracking needs.
 class LocalMap {
  public:
+  LocalMap() = default;
+  /// A map as it was saved; ids are positions.
+  LocalMap(std::vector<Keyframe> keyframes, std::vector<MapPoint> points)
+      : points_(std::move(points)), keyframes_(std::move(keyframes)) {}
+
   [[nodiscard]] std::vector<MapPoint>& points() { return points_; }
   [[nodiscard]] const std::vector<MapPoint>& points() const { return points_; }
   [[nodiscard]] const std::vector<Keyframe>& keyframes() const { return keyframes_; }

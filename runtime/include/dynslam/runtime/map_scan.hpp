@@ -26,6 +26,9 @@ struct MapScanOptions {
   DepthNoise<float> noise;
 };
 
+class BinaryReader;
+class BinaryWriter;
+
 /// A keyframe reduced to what the map needs, in the camera's frame, so that it can be inserted again after
 /// the pose was corrected. 3 bytes per sampled pixel and 3 more per pixel that becomes surface: about 400 kB
 /// for a VGA image at stride 2.
@@ -41,6 +44,10 @@ class MapScan {
   [[nodiscard]] std::size_t bytes() const {
     return depth_.capacity() * sizeof(depth_[0]) + code_.capacity() + rgb_.capacity();
   }
+
+  void write(BinaryWriter& out) const;
+  /// @param samples  pixels that the camera's scans have. @throws InputError for what cannot be a scan
+  [[nodiscard]] static MapScan read(BinaryReader& in, std::size_t samples);
 
  private:
   friend class MapScanner;
@@ -62,6 +69,9 @@ class MapScanner {
   /// @param bgr           CV_8UC3
   [[nodiscard]] MapScan pack(const cv::Mat& depth, const cv::Mat& dynamic_mask, const cv::Mat& labels,
                              const cv::Mat& bgr) const;
+
+  /// Pixels of a scan.
+  [[nodiscard]] std::size_t samples() const { return pixels_.size(); }
 
   /// The voxels that a scan hits and passes. Rays end some standard deviations before the surface, those
   /// towards movers too; far surfaces count less. `out` is cleared and finished.

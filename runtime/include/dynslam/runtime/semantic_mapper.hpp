@@ -58,11 +58,16 @@ class SemanticMapper {
   /// given to each). Blocks while the queue is full. @throws UsageError without retained scans; what the
   /// thread met
   void repose(std::vector<std::pair<int, SE3<double>>> T_w_c);
+  /// Queues the scans of an earlier session (save_scans). @return their keyframes and poses
+  /// @throws InputError naming the file: missing, truncated, corrupt or of another camera
+  std::vector<std::pair<int, SE3<double>>> load_scans(const std::filesystem::path& path);
   /// Waits until everything is in the tree. @throws what the thread met
   void finish();
   /// Writes the tree (`.ot` of type SemanticOcTree) through a temporary file. Call finish() first. @throws
   /// InputError
   void save(const std::filesystem::path& path) const;
+  /// Writes the retained scans. Call finish() first. @throws InputError
+  void save_scans(const std::filesystem::path& path) const;
   /// Valid after finish().
   [[nodiscard]] const interop::SemanticOcTree& tree() const { return tree_; }
   /// Memory of the retained scans. Valid after finish().
@@ -70,24 +75,26 @@ class SemanticMapper {
 
  private:
   using Poses = std::vector<std::pair<int, SE3<double>>>;
-  using Job = std::variant<MapKeyframe, Poses>;
   struct Retained {
     int id;
     SE3<double> T_w_c;
     MapScan scan;
   };
+  using Scans = std::vector<Retained>;
+  using Job = std::variant<MapKeyframe, Poses, Scans>;
 
   void enqueue(Job job);
   void work(const std::stop_token& stop);
   void fuse(const MapScan& scan, const SE3<double>& T_w_c);
-  void run(const MapKeyframe& keyframe);
-  void run(const Poses& poses);
+  void run(MapKeyframe& keyframe);
+  void run(Poses& poses);
+  void run(Scans& scans);
 
   SemanticMapperOptions options_;
   MapScanner scanner_;
   interop::SemanticOcTree tree_;
   ScanVoxels voxels_;
-  std::vector<Retained> retained_;
+  Scans retained_;
 
   std::mutex mutex_;
   std::condition_variable_any changed_;

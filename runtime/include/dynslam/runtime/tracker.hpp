@@ -122,6 +122,9 @@ class Tracker {
   /// Tracks the next frame. `prior` is the a-priori (semantic) mask, if there is one.
   TrackResult track(const RgbdFrame& input, const std::optional<Masks>& prior);
 
+  /// Goes on in an earlier map: the camera is lost until it finds itself there. Call it before track().
+  void load(LocalMap map);
+
   /// Uses what is still being adjusted. Call it at the end, before poses are read from the map.
   void finish();
 
