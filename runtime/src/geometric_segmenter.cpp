@@ -87,7 +87,8 @@ std::vector<cv::Mat> flow_pyramid(const cv::Mat& gray, const GeometryOptions& op
   return pyramid;
 }
 
-void GeometricSegmenter::set_reference(const Frame& frame, const RgbdFrame& input) {
+void GeometricSegmenter::set_reference(const Frame& frame, const RgbdFrame& input,
+                                       const ImagePyramid& pyramid) {
   reference_ = Reference();
   reference_.gray = input.gray;
   reference_.T_c_w = frame.T_c_w;
@@ -105,6 +106,8 @@ void GeometricSegmenter::set_reference(const Frame& frame, const RgbdFrame& inpu
     const Feature& f = frame.features[usable[k * usable.size() / n]];
     const Eigen::Vector2d ideal(f.x, f.y);
     reference_.pixels.emplace_back(f.u, f.v);
+    reference_.patches.push_back(PatchMatcher::cut(pyramid, Eigen::Vector2d(f.u, f.v), f.octave));
+    reference_.patches.back().depth = f.depth;
     reference_.ideal.push_back(ideal);
     reference_.points_w.push_back(T_w_c *
                                   camera_.model.pinhole().unproject(ideal, static_cast<double>(f.depth)));
@@ -147,54 +150,15 @@ void GeometricSegmenter::reduce(const cv::Mat& depth) {
   }
 }
 
-void GeometricSegmenter::track_reference(const RgbdFrame& input, const SE3<double>& T_c_w,
-                                         const cv::Mat& prior, GeometryStatistics& statistics) {
+void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyramid& image,
+                                         const SE3<double>& T_c_w, const cv::Mat& prior,
+                                         GeometryStatistics& statistics) {
   const cv::Mat &gray = input.gray, &depth = input.depth;
   matches_.clear();
   Stopwatch watch;
   const std::size_t n = reference_.pixels.size();
-  std::vector<cv::Point2f> from, to, projected, back;
+  std::vector<cv::Point2f> from, to, projected;  // of those that must be searched
   std::vector<std::size_t> index;
-  for (std::size_t i = 0; i < n; ++i) {  // seeded by the projection with the initial pose
-    const auto x = camera_.model.project(T_c_w * reference_.points_w[i]);
-    if (!x || x->x() < 8 || x->y() < 8 || x->x() >= camera_.width - 8 || x->y() >= camera_.height - 8)
-      continue;
-    from.push_back(reference_.pixels[i]);
-    to.emplace_back(static_cast<float>(x->x()), static_cast<float>(x->y()));
-    index.push_back(i);
-  }
-  if (from.size() < kMinMatches) {
-    statistics.lk_ms = watch.lap_ms();
-    return;
-  }
-  projected = to;
-  const cv::Size window(options_.lk_window, options_.lk_window);
-  const cv::TermCriteria stop(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 20, 0.03);
-  const std::vector<cv::Mat> pyramid =
-      input.flow_pyramid.empty() ? flow_pyramid(gray, options_) : input.flow_pyramid;
-  std::vector<std::uint8_t> found, returned;
-  cv::calcOpticalFlowPyrLK(reference_.pyramid, pyramid, from, to, found, cv::noArray(), window,
-                           options_.lk_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW);
-  // Who is found where the pose expects it needs no second witness; whoever seems to have moved does.
-  std::vector<cv::Point2f> doubted, origin;
-  std::vector<std::size_t> doubted_index;
-  for (std::size_t k = 0; k < to.size(); ++k) {
-    if (found[k] == 0 || cv::norm(to[k] - projected[k]) < options_.forward_backward) continue;
-    doubted.push_back(to[k]);
-    origin.push_back(from[k]);
-    doubted_index.push_back(k);
-  }
-  if (!doubted.empty()) {
-    back = origin;
-    cv::calcOpticalFlowPyrLK(pyramid, reference_.pyramid, doubted, back, returned, cv::noArray(), window,
-                             options_.lk_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW);
-    for (std::size_t d = 0; d < doubted.size(); ++d) {
-      if (returned[d] == 0 || cv::norm(back[d] - origin[d]) > options_.forward_backward)
-        found[doubted_index[d]] = 0;
-    }
-  }
-  statistics.lk_ms = watch.lap_ms();
-
   struct Track {
     std::size_t reference;
     cv::Point2f to, projected;
@@ -203,14 +167,61 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const SE3<doubl
     bool mismatch;
   };
   std::vector<Track> tracks;
-  for (std::size_t k = 0; k < from.size(); ++k) {
-    if (found[k] == 0) continue;
-    const auto ideal = camera_.model.undistort_pixel(Eigen::Vector2d(to[k].x, to[k].y));
-    const int u = cvRound(to[k].x), v = cvRound(to[k].y);
-    if (!ideal || u < 0 || v < 0 || u >= camera_.width || v >= camera_.height) continue;
+  const auto add_track = [&](std::size_t i, const cv::Point2f& found, const cv::Point2f& expected) {
+    const auto ideal = camera_.model.undistort_pixel(Eigen::Vector2d(found.x, found.y));
+    const int u = cvRound(found.x), v = cvRound(found.y);
+    if (!ideal || u < 0 || v < 0 || u >= camera_.width || v >= camera_.height) return;
     const bool masked = !prior.empty() && prior.at<std::uint8_t>(v, u) != 0;
-    tracks.push_back({index[k], to[k], projected[k], *ideal, masked, false});
+    tracks.push_back({i, found, expected, *ideal, masked, false});
+  };
+  // Most points are where the pose says. A patch looks there first; only who is not found there is searched
+  // by optical flow, there and back.
+  const SE3<double> T_cur_ref = T_c_w * reference_.T_c_w.inverse();
+  const Eigen::Matrix3d R = T_cur_ref.rotation_matrix();
+  const auto& pinhole = camera_.model.pinhole();
+  for (std::size_t i = 0; i < n; ++i) {
+    const Eigen::Vector3d p_c = T_c_w * reference_.points_w[i];
+    const auto x = camera_.model.project(p_c);
+    if (!x || x->x() < 8 || x->y() < 8 || x->x() >= camera_.width - 8 || x->y() >= camera_.height - 8)
+      continue;
+    const cv::Point2f expected(static_cast<float>(x->x()), static_cast<float>(x->y()));
+    const PointPatch& patch = reference_.patches[i];
+    Pinhole<double>::Jacobian J;
+    PatchMatch match;
+    if (patch.level >= 0 && pinhole.project(p_c, &J)) {
+      const auto z = static_cast<double>(patch.depth);
+      Eigen::Matrix<double, 3, 2> plane;  // faced the camera that cut it
+      plane.col(0) = R.col(0) * (z / pinhole.fx());
+      plane.col(1) = R.col(1) * (z / pinhole.fy());
+      if (PatchMatcher::match(image, patch, J * plane, *x, match) &&
+          (match.x - *x).norm() < options_.at_rest_px) {
+        add_track(i, {static_cast<float>(match.x.x()), static_cast<float>(match.x.y())}, expected);
+        continue;
+      }
+    }
+    from.push_back(reference_.pixels[i]);
+    to.push_back(expected);
+    index.push_back(i);
   }
+  if (!from.empty()) {
+    projected = to;
+    std::vector<cv::Point2f> back = from;
+    const cv::Size window(options_.lk_window, options_.lk_window);
+    const cv::TermCriteria stop(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 20, 0.03);
+    const std::vector<cv::Mat> pyramid =
+        input.flow_pyramid.empty() ? flow_pyramid(gray, options_) : input.flow_pyramid;
+    std::vector<std::uint8_t> found, returned;
+    cv::calcOpticalFlowPyrLK(reference_.pyramid, pyramid, from, to, found, cv::noArray(), window,
+                             options_.lk_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW);
+    cv::calcOpticalFlowPyrLK(pyramid, reference_.pyramid, to, back, returned, cv::noArray(), window,
+                             options_.lk_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW);
+    for (std::size_t k = 0; k < from.size(); ++k) {
+      if (found[k] != 0 && returned[k] != 0 && cv::norm(back[k] - from[k]) <= options_.forward_backward)
+        add_track(index[k], to[k], projected[k]);
+    }
+  }
+  statistics.lk_ms = watch.lap_ms();
+
   statistics.tracked = static_cast<int>(tracks.size());
 
   // Eq (8): matches far from their epipolar line are mismatches. F is estimated outside the a-priori
@@ -221,7 +232,6 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const SE3<doubl
     x.push_back(reference_.ideal[t.reference]);
     x_m.push_back(t.ideal);
   }
-  const SE3<double> T_cur_ref = T_c_w * reference_.T_c_w.inverse();
   if (x.size() >= kMinMatches && baseline_verdict<double>(x, x_m, camera_.model.pinhole(), T_cur_ref.so3(),
                                                           options_.min_parallax_px) == Baseline::sufficient) {
     FundamentalRansacOptions<double> ransac;
@@ -500,9 +510,10 @@ void GeometricSegmenter::enlarge(const cv::Mat& depth, cv::Mat& mask) {
   }
 }
 
-cv::Mat GeometricSegmenter::segment(const RgbdFrame& input, const SE3<double>& T_c_w, const cv::Mat& prior,
+cv::Mat GeometricSegmenter::segment(const RgbdFrame& input, const ImagePyramid& pyramid,
+                                    const SE3<double>& T_c_w, const cv::Mat& prior,
                                     GeometryStatistics& statistics) {
-  track_reference(input, T_c_w, prior, statistics);
+  track_reference(input, pyramid, T_c_w, prior, statistics);
   Stopwatch watch;
   reduce(input.depth);
   check_free_space(T_c_w);

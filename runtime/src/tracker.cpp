@@ -558,7 +558,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
 
   // Geometry, fusion, second optimisation on what is left.
   if (uses_geometry(options_.dynamics)) {
-    const cv::Mat moving = geometry_.segment(input, T_c_w, semantic, result.geometry);
+    const cv::Mat moving = geometry_.segment(input, features_->pyramid, T_c_w, semantic, result.geometry);
     if (!semantic.empty()) give_back_resting(*prior, input.depth, moving, result.dynamic_mask);
     cv::bitwise_or(result.dynamic_mask, moving, result.dynamic_mask);
     time_of(result.times, Stage::lucas_kanade) = result.geometry.lk_ms;
@@ -723,7 +723,7 @@ std::optional<LoopClosing> Tracker::insert_keyframe(Frame& frame, const RgbdFram
   }
   if (uses_geometry(options_.dynamics) &&
       (!geometry_.has_reference() || id - reference_id_ > options_.reference_distance)) {
-    geometry_.set_reference(frame, input);
+    geometry_.set_reference(frame, input, features_->pyramid);
     reference_id_ = id;
   }
   return loop;

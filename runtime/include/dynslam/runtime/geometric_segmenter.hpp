@@ -11,6 +11,7 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/runtime/camera.hpp"
 #include "dynslam/runtime/frame.hpp"
+#include "dynslam/runtime/patch_matcher.hpp"
 #include "dynslam/runtime/tum_reader.hpp"
 #include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/region_growing.hpp"
@@ -22,6 +23,7 @@ struct GeometryOptions {
   int lk_points = 400;            ///< keypoints tracked at most
   int lk_window = 21;             ///< side of the Lucas-Kanade window [px]
   int lk_levels = 3;              ///< pyramid levels above the first
+  double at_rest_px = 1.0;        ///< from where the pose expects it: needs no search by optical flow
   double forward_backward = 1.0;  ///< largest forward-backward error [px]
   double epipolar_px = 1.5;       ///< distance to the epipolar line that makes a mismatch [px]
   double min_parallax_px = 4.0;   ///< below: F is not estimated (degenerate)
@@ -64,13 +66,14 @@ class GeometricSegmenter {
   GeometricSegmenter(const CameraConfig& camera, const GeometryOptions& options);
 
   /// Makes `frame` the reference keyframe.
-  void set_reference(const Frame& frame, const RgbdFrame& input);
+  void set_reference(const Frame& frame, const RgbdFrame& input, const ImagePyramid& pyramid);
   [[nodiscard]] bool has_reference() const { return !reference_.pixels.empty(); }
 
   /// Mask of moving pixels (CV_8UC1, 255) of the frame with the given initial pose.
   /// @param prior  a-priori dynamic mask (may be empty): its points never enter scales or F
-  cv::Mat segment(const RgbdFrame& input, const SE3<double>& T_c_w, const cv::Mat& prior,
-                  GeometryStatistics& statistics);
+  /// @param pyramid  of the image, as the feature extractor made it
+  cv::Mat segment(const RgbdFrame& input, const ImagePyramid& pyramid, const SE3<double>& T_c_w,
+                  const cv::Mat& prior, GeometryStatistics& statistics);
 
   /// Keeps the frame just segmented, with its final pose and mask, as evidence for later ones.
   /// Must be called once per tracked frame, after `segment` (or alone: the depth is reduced then).
@@ -94,6 +97,7 @@ class GeometricSegmenter {
   struct Reference {
     std::vector<cv::Mat> pyramid;
     std::vector<cv::Point2f> pixels;
+    std::vector<PointPatch> patches;
     std::vector<Eigen::Vector2d> ideal;
     std::vector<Eigen::Vector3d> points_w;
     cv::Mat gray;
@@ -107,8 +111,8 @@ class GeometricSegmenter {
   };
 
   void reduce(const cv::Mat& depth);
-  void track_reference(const RgbdFrame& input, const SE3<double>& T_c_w, const cv::Mat& prior,
-                       GeometryStatistics& statistics);
+  void track_reference(const RgbdFrame& input, const ImagePyramid& image, const SE3<double>& T_c_w,
+                       const cv::Mat& prior, GeometryStatistics& statistics);
   void check_free_space(const SE3<double>& T_c_w);
   void add_keypoint_seeds();
   void grow(GeometryStatistics& statistics);
