@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Maps that are saved, loaded, gone on with, and damaged.
+#include "dynslam/runtime/saved_map.hpp"
+
+#include <doctest/doctest.h>
+
+#include <atomic>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <vector>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/evaluate.hpp"
+#include "dynslam/runtime/pipeline.hpp"
+#include "dynslam/runtime/synth.hpp"
+#include "dynslam/runtime/trajectory_io.hpp"
+#include "dynslam/runtime/tum_reader.hpp"
+#include "random.hpp"
+#include "tum_fixture.hpp"
+
+using namespace dynslam;
+using namespace dynslam::runtime;
+namespace fs = std::filesystem;
+
+namespace {
+
+std::string bytes(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return std::string(std::istreambuf_iterator<char>(in), {});
+}
+
+void write(const fs::path& path, const std::string& content) {
+  std::ofstream(path, std::ios::binary) << content;
+}
+
+/// 40 frames of an empty office and the map of the first 20 of them, made once.
+struct Office {
+  test::TemporaryFolder folder;
+  fs::path sequence = folder.path / "sequence", map = folder.path / "map";
+  Office() {
+    SynthOptions synth;
+    synth.frames = 40;
+    synth.scenario = "empty";
+    synth.path = "xyz";
+    synthesize(synth, sequence);
+    (void)run_sequence(options("first", 20, {}, map), kGoOn);
+  }
+  [[nodiscard]] RunOptions options(const char* out, std::size_t frames, const fs::path& load,
+                                   const fs::path& save) const {
+    RunOptions o;
+    o.sequence = sequence;
+    o.out = folder.path / out;
+    o.dynamics = DynamicsMode::geometric;
+    o.max_frames = frames;
+    o.load_map = load;
+    o.save_map = save;
+    return o;
+  }
+  [[nodiscard]] CameraConfig camera() const { return load_camera((sequence / "camera.txt").string()); }
+  static inline const std::atomic<bool> kGoOn{false};
+};
+
+const Office& office() {
+  static const Office made;
+  return made;
+}
+
+std::string complaint(const fs::path& folder) {
+  try {
+    (void)load_slam_map(folder, office().camera());
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return {};
+}
+
+}  // namespace
+
+TEST_CASE("a second session finds itself in the first one's map, in its frame, and extends it") {
+  const Office& o = office();
+  const fs::path extended = o.folder.path / "extended";
+  const RunSummary summary = run_sequence(o.options("second", 40, o.map, extended), Office::kGoOn);
+  CHECK(summary.lost == 0);
+  CHECK(summary.tracked == 40);
+  // The world is the first session's: the same frames have the same poses, without any alignment.
+  const auto first = read_trajectory(o.folder.path / "first" / "trajectory.txt");
+  const auto second = read_trajectory(o.folder.path / "second" / "trajectory.txt");
+  for (std::size_t k = 0; k < first.size(); ++k)
+    CHECK((first[k].T_w_c.translation() - second[k].T_w_c.translation()).norm() < 0.01);
+  const LocalMap before = load_slam_map(o.map, o.camera()), after = load_slam_map(extended, o.camera());
+  CHECK(after.keyframes().size() > before.keyframes().size());
+  CHECK(after.points().size() > before.points().size());
+  CHECK(fs::file_size(extended / "scans.bin") > fs::file_size(o.map / "scans.bin"));
+  CHECK(bytes(extended / "map.ot").size() > 1000);
+  CHECK_FALSE(fs::exists(o.folder.path / "extended.partial"));
+}
+
+TEST_CASE("what is loaded is what was saved") {
+  const Office& o = office();
+  const LocalMap map = load_slam_map(o.map, o.camera());
+  const fs::path again = o.folder.path / "again";
+  save_slam_map(map, o.camera(), nullptr, again);
+  CHECK(bytes(again / "keyframes.bin") == bytes(o.map / "keyframes.bin"));
+  save_slam_map(map, o.camera(), nullptr, again);  // in the place of the one that is there
+  CHECK(bytes(again / "keyframes.bin") == bytes(o.map / "keyframes.bin"));
+  CHECK_FALSE(fs::exists(o.folder.path / "again.old"));
+}
+
+TEST_CASE("a damaged, foreign or missing map is refused in one line, and nothing of the user's is replaced") {
+  const Office& o = office();
+  const std::string good = bytes(o.map / "keyframes.bin");
+  test::TemporaryFolder folder;
+  const fs::path file = folder.path / "keyframes.bin";
+  CHECK(complaint(folder.path / "none").find("is not a folder") != std::string::npos);
+  CHECK(complaint(folder.path).find("cannot be opened") != std::string::npos);
+  write(file, "something else entirely");
+  CHECK(complaint(folder.path).find("is not a dynslam keyframes file") != std::string::npos);
+  write(file, good.substr(0, good.size() / 2));
+  CHECK(complaint(folder.path).find("is truncated") != std::string::npos);
+  write(file, good + "x");
+  CHECK(complaint(folder.path).find("longer") != std::string::npos);
+  std::string other = good;
+  other[std::string("dynslam keyframes\n").size()] = 9;
+  write(file, other);
+  CHECK(complaint(folder.path).find("has version 9; this program reads version 1") != std::string::npos);
+  test::Rng rng("damaged map");
+  for (int trial = 0; trial < 30; ++trial) {
+    std::string damaged = good;
+    const auto at = static_cast<std::size_t>(rng.uniform(0, static_cast<double>(good.size())));
+    damaged[at] = static_cast<char>(damaged[at] ^ (1 << rng.integer(0, 7)));
+    write(file, damaged);
+    CHECK_FALSE(complaint(folder.path).empty());
+    write(file, good.substr(0, at));
+    CHECK_FALSE(complaint(folder.path).empty());
+  }
+  write(file, good);
+  CHECK(complaint(folder.path).empty());
+  CameraConfig camera = o.camera();
+  camera.model = DistortedPinhole<double>(Pinhole<double>(500, 500, 320, 240), BrownConrady<double>{});
+  CHECK_THROWS_WITH_AS((void)load_slam_map(folder.path, camera), doctest::Contains("another camera"),
+                       InputError);
+
+  const test::TemporaryFolder precious;
+  write(precious.path / "letter.txt", "dear");
+  CHECK_THROWS_WITH_AS(check_map_folder(precious.path), doctest::Contains("would be replaced"), InputError);
+  CHECK(bytes(precious.path / "letter.txt") == "dear");
+}
+
+TEST_CASE("who never finds himself in a map is told so") {
+  const Office& o = office();
+  const test::TemporaryFolder elsewhere;
+  SynthOptions synth;
+  synth.frames = 3;
+  synth.seed = 7;
+  synth.scenario = "empty";
+  synthesize(synth, elsewhere.path);
+  RunOptions options = o.options("lost", 0, o.map, {});
+  options.sequence = elsewhere.path;
+  CHECK_THROWS_WITH_AS((void)run_sequence(options, Office::kGoOn), doctest::Contains("never found itself"),
+                       InputError);
+}
