@@ -3,8 +3,7 @@
 
 #include <fmt/format.h>
 #ifdef __linux__
-#include <sys/resource.h>
-#include <unistd.h>
+#include <sched.h>
 #endif
 
 #include <array>
@@ -20,11 +19,12 @@
 namespace dynslam::runtime {
 namespace {
 
-/// Gives the calling thread a lower priority: where cores are few, the tracker goes first.
+/// Lets the calling thread run where nobody else wants to: where cores are few, the tracker goes first. It
+/// cannot starve, as the tracker waits for each frame's masks.
 void step_back() {
 #ifdef __linux__
-  constexpr int kNice = 10;
-  (void)setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);  // a refusal costs speed, nothing else
+  const sched_param any{};
+  (void)sched_setscheduler(0, SCHED_IDLE, &any);  // of this thread; a refusal costs speed, nothing else
 #endif
 }
 
