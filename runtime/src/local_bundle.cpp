@@ -6,10 +6,11 @@
 #include <utility>
 
 #include "dynslam/robust/t_distribution.hpp"
+#include "thread_priority.hpp"
 
 namespace dynslam::runtime {
 
-void LocalBundle::start(const LocalMap& map, const DepthNoise<double>& noise, int window_size) {
+void LocalBundle::collect(const LocalMap& map, const DepthNoise<double>& noise, int window_size) {
   const auto& keyframes = map.keyframes();
   const auto& all_points = map.points();
   newest_ = static_cast<int>(keyframes.size()) - 1;
@@ -96,9 +97,13 @@ void LocalBundle::start(const LocalMap& map, const DepthNoise<double>& noise, in
       sights_[at] = {keyframe_ids_[i], static_cast<int>(f)};
     }
   }
+}
+
+void LocalBundle::start(const LocalMap& map, const DepthNoise<double>& noise, int window) {
+  collect(map, noise, window);
   running_ = std::async(std::launch::async, [this] {
-    const BundleProblem<double> problem{poses_, fixed_, points_, observations_};
-    return bundle_adjust<double>(camera_, problem, options_.solver, TDistribution<double>(options_.nu),
+    step_back(StepBack::some);
+    return bundle_adjust<double>(camera_, problem(), options_.solver, TDistribution<double>(options_.nu),
                                  workspace_);
   });
 }

@@ -2,9 +2,6 @@
 #include "dynslam/runtime/segmentation_stage.hpp"
 
 #include <fmt/format.h>
-#ifdef __linux__
-#include <sched.h>
-#endif
 
 #include <array>
 #include <fstream>
@@ -15,18 +12,10 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/image_io.hpp"
 #include "dynslam/runtime/stopwatch.hpp"
+#include "thread_priority.hpp"
 
 namespace dynslam::runtime {
 namespace {
-
-/// Lets the calling thread run where nobody else wants to: where cores are few, the tracker goes first. It
-/// cannot starve, as the tracker waits for each frame's masks.
-void step_back() {
-#ifdef __linux__
-  const sched_param any{};
-  (void)sched_setscheduler(0, SCHED_IDLE, &any);  // of this thread; a refusal costs speed, nothing else
-#endif
-}
 
 /// 64-bit FNV-1a.
 class Hash {
@@ -160,7 +149,7 @@ std::optional<SegmentedFrame> SegmentationStage::next() {
 }
 
 void SegmentationStage::work(const std::stop_token& stop) {
-  step_back();
+  step_back(StepBack::fully);
   try {
     while (!stop.stop_requested()) {
       auto frame = process();

@@ -10,6 +10,7 @@
 #include "dynslam/interop/octomap.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/map_io.hpp"
+#include "thread_priority.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -53,6 +54,7 @@ void SemanticMapper::finish() {
 }
 
 void SemanticMapper::work(const std::stop_token& stop) {
+  step_back(StepBack::some);
   for (;;) {
     Job job;
     {

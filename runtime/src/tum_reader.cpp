@@ -17,6 +17,7 @@
 #include "dynslam/runtime/image_io.hpp"
 #include "dynslam/runtime/text_lines.hpp"
 #include "dynslam/runtime/trajectory_io.hpp"
+#include "thread_priority.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -166,6 +167,7 @@ FrameStream::FrameStream(const Sequence& sequence, const CameraConfig& camera, c
       thread_([this](const std::stop_token& stop) { decode(stop); }) {}
 
 void FrameStream::decode(const std::stop_token& stop) {
+  step_back(StepBack::some);
   for (std::size_t i = 0; i < frames_.size() && !stop.stop_requested(); ++i) {
     FrameResult result;
     result.index = i;

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+namespace dynslam::runtime {
+
+/// How far the calling thread steps back. Where cores are few the tracker, whose time is a frame's latency,
+/// goes first; no other thread can starve for good, as the tracker waits for what each of them makes.
+enum class StepBack {
+  some,  ///< decoding, mapping, bundle adjustment: a third of the tracker's share where both want the core
+  fully  ///< the network: runs where nobody else wants to
+};
+
+/// Changes the calling thread's priority. A refusal by the system costs speed and nothing else.
+void step_back(StepBack how);
+
+}  // namespace dynslam::runtime
