@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "ceres_oracle.hpp"  // first: see there
+#include "ceres_bundle.hpp"  // first: see there
 
 #include "dynslam/optim/bundle_adjustment.hpp"
 
 #include <algorithm>
-#include <array>
 #include <vector>
 
 #include "random.hpp"
@@ -65,54 +64,6 @@ Window make_window(test::Rng& rng, int poses, int points, double wrong, bool noi
   return w;
 }
 
-#ifdef DYNSLAM_HAVE_CERES
-struct Residual {
-  BundleObservation<double> o;
-  template <class T>
-  bool operator()(const T* pose, const T* point, T* r) const {
-    T p[3];
-    ceres::AngleAxisRotatePoint(pose, point, p);
-    for (int i = 0; i < 3; ++i) p[i] += pose[3 + i];
-    r[0] = (kCamera.fx() * p[0] / p[2] + kCamera.cx() - o.x.x()) * std::sqrt(o.inv_sigma_px2);
-    r[1] = (kCamera.fy() * p[1] / p[2] + kCamera.cy() - o.x.y()) * std::sqrt(o.inv_sigma_px2);
-    r[2] = o.depth > 0 ? (p[2] - o.depth) * std::sqrt(o.inv_sigma_z2) : T(0);
-    return true;
-  }
-};
-
-/// Twice Ceres' final cost, which is the sum of rho.
-double ceres_cost(const Window& w) {
-  std::vector<std::array<double, 6>> poses(w.poses.size());
-  std::vector<Eigen::Vector3d> points = w.points;
-  for (std::size_t i = 0; i < w.poses.size(); ++i) {
-    const Eigen::Vector3d angle = w.poses[i].so3().log();
-    for (std::size_t k = 0; k < 3; ++k) {
-      poses[i][k] = angle(static_cast<Eigen::Index>(k));
-      poses[i][k + 3] = w.poses[i].translation()(static_cast<Eigen::Index>(k));
-    }
-  }
-  ceres::Problem problem;
-  for (const auto& o : w.observations) {
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Residual, 3, 6, 3>(new Residual{o}),
-                             new test::TLoss, poses[static_cast<std::size_t>(o.pose)].data(),
-                             points[static_cast<std::size_t>(o.point)].data());
-  }
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    if (w.fixed[i] != 0 && problem.HasParameterBlock(poses[i].data()))
-      problem.SetParameterBlockConstant(poses[i].data());
-  }
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_SCHUR;
-  options.max_num_iterations = 200;
-  options.function_tolerance = 1e-14;
-  options.parameter_tolerance = 1e-14;
-  options.gradient_tolerance = 1e-14;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
-  return 2 * summary.final_cost;
-}
-#endif
-
 }  // namespace
 
 TEST_CASE("without noise the window is restored to rounding") {
@@ -135,7 +86,7 @@ TEST_CASE("the final cost is Ceres' on the same windows") {
   for (int trial = 0; trial < 4; ++trial) {
     CAPTURE(trial);
     Window w = make_window(rng, 6 + 2 * trial, 150, 0.05);
-    const double oracle = ceres_cost(w);
+    const double oracle = test::ceres_bundle_cost(kCamera, w.problem(), 5);
     BundleWorkspace<double> workspace;
     BundleOptions<double> options;
     options.max_iterations = 100;

@@ -30,7 +30,11 @@ class LocalBundle {
   LocalBundle(const Pinhole<double>& camera, const LocalBundleOptions& options)
       : camera_(camera), options_(options) {}
 
-  /// Starts on the newest keyframe and its surroundings, or those of `window` keyframes where that is given.
+  /// Copies the newest keyframe and its surroundings, or those of `window` keyframes where that is given.
+  void collect(const LocalMap& map, const DepthNoise<double>& noise, int window = 0);
+  /// What collect() found; valid until the next call.
+  [[nodiscard]] BundleProblem<double> problem() { return {poses_, fixed_, points_, observations_}; }
+  /// Collects and starts the adjustment.
   void start(const LocalMap& map, const DepthNoise<double>& noise, int window = 0);
   [[nodiscard]] bool pending() const { return running_.valid(); }
   /// Waits for the result and writes it into the map.
