@@ -93,7 +93,6 @@ void GeometricSegmenter::set_reference(const Frame& frame, const RgbdFrame& inpu
   reference_.gray = input.gray;
   reference_.T_c_w = frame.T_c_w;
   reference_.pyramid = input.flow_pyramid.empty() ? flow_pyramid(input.gray, options_) : input.flow_pyramid;
-  const SE3<double> T_w_c = frame.T_c_w.inverse();
   // All keypoints with depth, static and dynamic alike; thinned evenly where there are too many.
   std::vector<std::size_t> usable;
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
@@ -109,8 +108,7 @@ void GeometricSegmenter::set_reference(const Frame& frame, const RgbdFrame& inpu
     reference_.patches.push_back(PatchMatcher::cut(pyramid, Eigen::Vector2d(f.u, f.v), f.octave));
     reference_.patches.back().depth = f.depth;
     reference_.ideal.push_back(ideal);
-    reference_.points_w.push_back(T_w_c *
-                                  camera_.model.pinhole().unproject(ideal, static_cast<double>(f.depth)));
+    reference_.points.push_back(camera_.model.pinhole().unproject(ideal, static_cast<double>(f.depth)));
   }
 }
 
@@ -180,7 +178,7 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyra
   const Eigen::Matrix3d R = T_cur_ref.rotation_matrix();
   const auto& pinhole = camera_.model.pinhole();
   for (std::size_t i = 0; i < n; ++i) {
-    const Eigen::Vector3d p_c = T_c_w * reference_.points_w[i];
+    const Eigen::Vector3d p_c = T_cur_ref * reference_.points[i];
     const auto x = camera_.model.project(p_c);
     if (!x || x->x() < 8 || x->y() < 8 || x->x() >= camera_.width - 8 || x->y() >= camera_.height - 8)
       continue;
@@ -258,7 +256,7 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyra
   for (std::size_t k = 0; k < tracks.size(); ++k) {
     const Track& t = tracks[k];
     KeypointResiduals<double>& r = residuals[k];
-    const Eigen::Vector3d p_c = T_c_w * reference_.points_w[t.reference];
+    const Eigen::Vector3d p_c = T_cur_ref * reference_.points[t.reference];
     const Eigen::Vector2d from_px(reference_.pixels[t.reference].x, reference_.pixels[t.reference].y);
     const Eigen::Vector2d projected_px(t.projected.x, t.projected.y);
     const Eigen::Vector2d to_px(t.to.x, t.to.y);
@@ -301,7 +299,7 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyra
     if (t.mismatch) continue;
     KeypointResiduals<double>& r = residuals[k];
     r.photometric -= bias;
-    const double z = (T_c_w * reference_.points_w[t.reference]).z();
+    const double z = (T_cur_ref * reference_.points[t.reference]).z();
     const StaticWeightScales<double> scales{statistics.sigma_photometric, statistics.sigma_reprojection,
                                             statistics.sigma_depth_factor * noise.sigma(z)};
     const double weight = static_weight<double>(r, scales, options_.nu);
@@ -527,9 +525,6 @@ cv::Mat GeometricSegmenter::segment(const RgbdFrame& input, const ImagePyramid& 
 }
 
 void GeometricSegmenter::follow(const SE3<double>& D) {
-  const SE3<double> D_inverse = D.inverse();
-  reference_.T_c_w = reference_.T_c_w * D;
-  for (Eigen::Vector3d& p : reference_.points_w) p = D_inverse * p;
   for (View& view : views_) view.T_c_w = view.T_c_w * D;
 }
 

@@ -254,13 +254,9 @@ void Tracker::refine_matches(Frame& frame, const SE3<double>& T_c_w, const cv::M
 }
 
 void Tracker::keep_consistent(Frame& frame, const SE3<double>& T_c_w, double bound) {
-  Eigen::Vector3d r;
   for (std::size_t k = 0; k < observations_.size(); ++k) {
-    const PoseObservation<double>& o = observations_[k];
-    const bool visible = pose_residual<double>(camera_.model.pinhole(), T_c_w, o, r, nullptr);
-    if (visible && o.inv_sigma_px2 * r.head<2>().squaredNorm() + o.inv_sigma_z2 * r.z() * r.z() < bound)
-      continue;
-    frame.point[static_cast<std::size_t>(observation_feature_[k])] = -1;
+    if (observation_chi2(camera_.model.pinhole(), T_c_w, observations_[k]) >= bound)
+      frame.point[static_cast<std::size_t>(observation_feature_[k])] = -1;
   }
 }
 
@@ -397,6 +393,13 @@ PoseResult<double> Tracker::optimise(Frame& frame, const SE3<double>& start, boo
   return result;
 }
 
+void Tracker::weigh_by_surface(const SE3<double>& T_c_w) {
+  SurfaceOptions<double> options;
+  options.width = camera_.width;
+  options.height = camera_.height;
+  surface_weights<double>(T_c_w, observations_, options, weights_);
+}
+
 bool Tracker::relocalise(Frame& frame, const cv::Mat& depth, SE3<double>& T_c_w) {
   places_.query(frame, places_found_);
   if (places_found_.size() > static_cast<std::size_t>(options_.relocalisation_candidates))
@@ -525,9 +528,11 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
       gather(frame);
       PoseConsensusOptions<double> consensus;
       consensus.seed = options_.seed + frame.index;
+      weights_.clear();
+      if (uses_geometry(options_.dynamics)) weigh_by_surface(predicted);
       const SE3<double> start =
           pose_consensus<double>(camera_.model.pinhole(), observations_, predicted,
-                                 std::span<const SE3<double>>(&last_.T_c_w, 1), consensus)
+                                 std::span<const SE3<double>>(&last_.T_c_w, 1), consensus, weights_)
               .T_c_w;
       keep_consistent(frame, start, consensus.truncation);
       const PoseResult<double> pose = optimise(frame, start, true);
@@ -539,6 +544,12 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   time_of(result.times, Stage::initial_pose) = watch.lap_ms();
   if (ok) {
     match_local(frame, T_c_w, input.depth);
+    if (uses_geometry(options_.dynamics)) {
+      // The pose is good to a fraction of a pixel already. What is farther off moves, and were it let in, a
+      // robust kernel would give it its share.
+      gather(frame);
+      keep_consistent(frame, T_c_w, options_.local_chi2);
+    }
     const PoseResult<double> pose = optimise(frame, T_c_w, true);
     ok = pose.inliers >= options_.min_inliers;
     T_c_w = pose.T_c_w;
@@ -558,6 +569,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
 
   // Geometry, fusion, second optimisation on what is left.
   if (uses_geometry(options_.dynamics)) {
+    if (geometry_.has_reference()) geometry_.place_reference(map_.pose(reference_id_));
     const cv::Mat moving = geometry_.segment(input, features_->pyramid, T_c_w, semantic, result.geometry);
     if (!semantic.empty()) give_back_resting(*prior, input.depth, moving, result.dynamic_mask);
     cv::bitwise_or(result.dynamic_mask, moving, result.dynamic_mask);

@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <vector>
 
 #include "random.hpp"
@@ -61,6 +62,63 @@ TEST_CASE("the room wins over a carried box; the robust kernel alone compromises
   CHECK(worst_kernel > 0.015);  // what this header is for
 }
 
+TEST_CASE("a poster with most of the features loses against the room behind it, by surface") {
+  test::Rng rng("consensus surface");
+  Eigen::Matrix<double, 6, 1> xi;
+  xi << 0.01, -0.004, 0.012, 0.003, -0.006, 0.002;
+  const SE3d T = SE3d::exp(xi), still;
+  SurfaceOptions<double> surface;
+  int by_number = 0;
+  for (int trial = 0; trial < 20; ++trial) {
+    const auto observations = room_and_box(rng, T, 90, 220);
+    PoseConsensusOptions<double> options;
+    options.seed = static_cast<std::uint64_t>(trial);
+    std::vector<double> weights;
+    surface_weights<double>(still, observations, surface, weights);
+    const auto found = pose_consensus<double>(kCamera, observations, still, {}, options, weights);
+    CHECK((found.T_c_w * T.inverse()).translation().norm() < 0.012);
+    const auto counted = pose_consensus<double>(kCamera, observations, still, {}, options);
+    by_number += (counted.T_c_w * T.inverse()).translation().norm() < 0.012 ? 1 : 0;
+  }
+  CHECK(by_number == 0);  // features alone follow the poster
+}
+
+TEST_CASE("surface weights are the places to which an observation is nearest, times their depth") {
+  test::Rng rng("surface weights");
+  std::vector<PoseObservation<double>> observations;
+  for (int k = 0; k < 40; ++k) {
+    PoseObservation<double> o;
+    o.x = Eigen::Vector2d(rng.uniform(0, 300), rng.uniform(0, 480));  // none in the right half
+    o.depth = k % 4 == 0 ? 0.0 : rng.uniform(0.5, 8.0);
+    o.p_w = kCamera.unproject(o.x, k % 4 == 0 ? 2.0 : o.depth);
+    observations.push_back(o);
+  }
+  SurfaceOptions<double> options;
+  std::vector<double> weights;
+  surface_weights<double>(SE3d(), observations, options, weights);
+  std::vector<double> places(observations.size(), 0.25);
+  int free = 0;
+  for (int v = 10; v < 480; v += 20) {
+    for (int u = 10; u < 640; u += 20) {
+      std::size_t best = 0;
+      const auto distance = [&](std::size_t k) { return (observations[k].x - Eigen::Vector2d(u, v)).norm(); };
+      for (std::size_t k = 1; k < observations.size(); ++k) best = distance(k) < distance(best) ? k : best;
+      if (distance(best) < 100) {
+        places[best] += 1;
+      } else {
+        ++free;
+      }
+    }
+  }
+  CHECK(free > 200);
+  for (std::size_t k = 0; k < observations.size(); ++k) {
+    CAPTURE(k);
+    CHECK(weights[k] == doctest::Approx(places[k] * std::min(4.0, observations[k].p_w.z())));
+  }
+  surface_weights<double>(SE3d(), {}, options, weights);
+  CHECK(weights.empty());
+}
+
 TEST_CASE(
     "the same seed gives the same pose; a good alternative is taken; few observations keep the prediction") {
   test::Rng rng("consensus seeds");
@@ -75,7 +133,7 @@ TEST_CASE(
   none.hypotheses = 0;
   const auto told = pose_consensus<double>(kCamera, observations, still, std::span<const SE3d>(&T, 1), none);
   CHECK((told.T_c_w * T.inverse()).log().norm() < 1e-12);
-  observations.resize(3);
+  observations.resize(2);
   const auto few = pose_consensus<double>(kCamera, observations, still, {});
   CHECK(few.T_c_w.translation().norm() == 0);
   CHECK(pose_consensus<double>(kCamera, {}, still, {}).inliers == 0);

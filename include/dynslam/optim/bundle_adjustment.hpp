@@ -80,15 +80,11 @@ struct BundleWorkspace {
   Eigen::LLT<Eigen::Matrix<S, Eigen::Dynamic, Eigen::Dynamic>> factor;
 };
 
-/// Squared normalised error of an observation; nullopt-like infinity behind the camera.
+/// Squared normalised error of an observation; infinity behind the camera.
 template <std::floating_point S>
 [[nodiscard]] S bundle_chi2(const Pinhole<S>& camera, const SE3<S>& T_c_w, const Eigen::Matrix<S, 3, 1>& p_w,
                             const BundleObservation<S>& o) {
-  Eigen::Matrix<S, 3, 1> r;
-  const PoseObservation<S> single{p_w, o.x, o.depth, o.inv_sigma_px2, o.inv_sigma_z2};
-  if (!pose_residual<S>(camera, T_c_w, single, r, nullptr)) return std::numeric_limits<S>::infinity();
-  const S pixel = o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y());
-  return o.inv_sigma_z2 > S(0) && is_valid_depth(o.depth) ? pixel + o.inv_sigma_z2 * r.z() * r.z() : pixel;
+  return observation_chi2<S>(camera, T_c_w, {p_w, o.x, o.depth, o.inv_sigma_px2, o.inv_sigma_z2});
 }
 
 /// Poses and points that minimise the robust reprojection and depth errors (Eqs 5 and 6 over a window

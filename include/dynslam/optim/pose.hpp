@@ -93,6 +93,15 @@ template <Scalar S>
   return true;
 }
 
+/// Squared normalised error of an observation under a pose; infinity behind the camera.
+template <std::floating_point S>
+[[nodiscard]] S observation_chi2(const Pinhole<S>& camera, const SE3<S>& T_c_w, const PoseObservation<S>& o) {
+  Eigen::Matrix<S, 3, 1> r;
+  if (!pose_residual<S>(camera, T_c_w, o, r, nullptr)) return std::numeric_limits<S>::infinity();
+  const S pixel = o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y());
+  return o.inv_sigma_z2 > S(0) && is_valid_depth(o.depth) ? pixel + o.inv_sigma_z2 * r.z() * r.z() : pixel;
+}
+
 /// Pose from reprojection and depth with a robust kernel on their joint squared normalised residual,
 /// by Levenberg-Marquardt. After each round the observations are sorted into inliers and outliers
 /// anew by chi-square, so an outlier may come back. Allocates only while the workspace grows.

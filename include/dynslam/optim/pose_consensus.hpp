@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -15,8 +16,8 @@ namespace dynslam {
 
 template <Scalar S>
 struct PoseConsensusOptions {
-  int hypotheses = 80;     ///< minimal samples that are tried
-  int iterations = 3;      ///< Gauss-Newton steps per sample
+  int hypotheses = 120;    ///< minimal samples that are tried
+  int iterations = 3;      ///< Gauss-Newton steps per sample, and per refinement
   S truncation = S(6);     ///< squared normalised error beyond which an observation counts as an outlier
   std::uint64_t seed = 1;  ///< same seed, same result
 };
@@ -24,9 +25,53 @@ struct PoseConsensusOptions {
 template <Scalar S>
 struct PoseConsensus {
   SE3<S> T_c_w;
-  S cost = std::numeric_limits<S>::infinity();  ///< sum of truncated squared normalised errors
+  S cost = std::numeric_limits<S>::infinity();  ///< weighted sum of truncated squared normalised errors
   int inliers = 0;                              ///< observations below the truncation
 };
+
+/// How surface_weights() divides the image.
+template <Scalar S>
+struct SurfaceOptions {
+  int width = 640, height = 480;  ///< of the image [px]
+  int step = 20;                  ///< between the places that are given to an observation [px]
+  S reach = S(100);               ///< farther from every observation, a place is given to none [px]
+  S max_depth = S(4);             ///< farther surfaces count as if they were there [m]
+};
+
+/// Weights with which observations count by the surface that they stand for: each place of the image belongs
+/// to the nearest observation, and counts with its depth. Of several motions that are seen, the scene's is
+/// the one that most surface shares. Features do not tell: a poster that is carried past has more of them
+/// than the room behind it; nor do pixels: what moves is in front of what does not, and looks large. A
+/// place's surface grows with z^2, but so does the noise of its depth; z is between the two.
+/// @param T_c_w  rough pose, for depths that were not measured
+/// @param out    one positive weight per observation [places x m]
+template <std::floating_point S>
+void surface_weights(const SE3<S>& T_c_w, std::span<const PoseObservation<S>> observations,
+                     const SurfaceOptions<S>& options, std::vector<S>& out) {
+  constexpr S kCrowdedOut = S(0.25);  // places of an observation to which no place is nearest
+  out.assign(observations.size(), kCrowdedOut);
+  for (int v = options.step / 2; v < options.height; v += options.step) {
+    for (int u = options.step / 2; u < options.width; u += options.step) {
+      S nearest = options.reach * options.reach;
+      std::size_t owner = observations.size();
+      for (std::size_t k = 0; k < observations.size(); ++k) {
+        const S dx = observations[k].x.x() - S(u), dy = observations[k].x.y() - S(v);
+        const S distance2 = dx * dx + dy * dy;
+        if (distance2 < nearest) {
+          nearest = distance2;
+          owner = k;
+        }
+      }
+      if (owner < observations.size()) out[owner] += S(1);
+    }
+  }
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    const PoseObservation<S>& o = observations[k];
+    const S z =
+        std::min(is_valid_depth(o.depth) ? o.depth : std::abs((T_c_w * o.p_w).z()), options.max_depth);
+    out[k] *= z;
+  }
+}
 
 /// The pose that most observations agree on, where several rigid motions compete (people and things
 /// that move before a static scene).
@@ -35,34 +80,55 @@ struct PoseConsensus {
 /// background can be traded for the translation that follows a near mover. Here poses are proposed by
 /// small samples, refined from the predicted pose, and compared by a truncated cost with the pixel
 /// accuracy of a true match (MSAC, Torr and Zisserman 2000), in which a mover costs the same however
-/// far it has gone. `T_c_w_predicted` and `alternatives` compete, too.
+/// far it has gone. Each new best pose is refined on what agrees with it (LO-RANSAC, Chum et al. 2003).
+/// `T_c_w_predicted` and `alternatives` compete, too.
 /// @param observations  reprojection and depth, as for optimize_pose
+/// @param weights  per observation, positive; empty: all equal. An observation is sampled and counts by its
+///                 weight. See surface_weights().
 template <std::floating_point S>
 [[nodiscard]] PoseConsensus<S> pose_consensus(const Pinhole<S>& camera,
                                               std::span<const PoseObservation<S>> observations,
                                               const SE3<S>& T_c_w_predicted,
                                               std::span<const SE3<S>> alternatives,
-                                              const PoseConsensusOptions<S>& options = {}) {
-  constexpr std::size_t kSample = 4;
+                                              const PoseConsensusOptions<S>& options = {},
+                                              std::span<const S> weights = {}) {
+  constexpr std::size_t kSample = 3;  // with depth, three points determine a pose
   PoseConsensus<S> best;
   best.T_c_w = T_c_w_predicted;
   const std::size_t n = observations.size();
-  const auto chi2 = [&](const PoseObservation<S>& o, const Eigen::Matrix<S, 3, 1>& r) {
-    const S pixel = o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y());
-    return o.inv_sigma_z2 > S(0) && is_valid_depth(o.depth) ? pixel + o.inv_sigma_z2 * r.z() * r.z() : pixel;
-  };
+  const auto weight = [&](std::size_t k) { return weights.empty() ? S(1) : weights[k]; };
   const auto judge = [&](const SE3<S>& T) {
     S cost = S(0);
     int inliers = 0;
-    Eigen::Matrix<S, 3, 1> r;
-    for (const PoseObservation<S>& o : observations) {
-      S e = options.truncation;
-      if (pose_residual<S>(camera, T, o, r, nullptr)) e = std::min(e, chi2(o, r));
+    for (std::size_t k = 0; k < n; ++k) {
+      const S e = std::min(options.truncation, observation_chi2(camera, T, observations[k]));
       inliers += e < options.truncation ? 1 : 0;
-      cost += e;
-      if (cost >= best.cost) return;
+      cost += weight(k) * e;
+      if (cost >= best.cost) return false;
     }
     best = {T, cost, inliers};
+    return true;
+  };
+  NormalEquations<S, 6> system;
+  const auto add = [&](const PoseObservation<S>& o, const SE3<S>& T, S w) {
+    Eigen::Matrix<S, 3, 1> r;
+    Eigen::Matrix<S, 3, 6> J;
+    if (!pose_residual(camera, T, o, r, &J)) return false;
+    system.add_row(J.row(0), r.x(), w * o.inv_sigma_px2);
+    system.add_row(J.row(1), r.y(), w * o.inv_sigma_px2);
+    if (o.inv_sigma_z2 > S(0) && is_valid_depth(o.depth)) system.add_row(J.row(2), r.z(), w * o.inv_sigma_z2);
+    return true;
+  };
+  const auto refine = [&] {
+    Eigen::Matrix<S, 6, 1> step;
+    for (int i = 0; i < options.iterations; ++i) {
+      system.set_zero();
+      for (std::size_t k = 0; k < n; ++k) {
+        if (observation_chi2(camera, best.T_c_w, observations[k]) < options.truncation)
+          (void)add(observations[k], best.T_c_w, S(1));
+      }
+      if (!system.solve(S(0), step) || !judge(SE3<S>::exp(step) * best.T_c_w)) return;
+    }
   };
   judge(T_c_w_predicted);
   for (const SE3<S>& T : alternatives) judge(T);
@@ -73,14 +139,23 @@ template <std::floating_point S>
     std::uint64_t z = (state += 0x9E3779B97F4A7C15ULL);
     z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ULL;
     z = (z ^ (z >> 27)) * 0x94D049BB133111EBULL;
-    return static_cast<std::size_t>((z ^ (z >> 31)) % n);
+    return z ^ (z >> 31);
   };
-  NormalEquations<S, 6> system;
+  const S heaviest = weights.empty() ? S(1) : *std::max_element(weights.begin(), weights.end());
+  const auto draw_observation = [&] {
+    constexpr int kRefusals = 1000;  // weights that differ by more than this are no longer told apart
+    std::size_t k = 0;
+    for (int trial = 0; trial < kRefusals; ++trial) {
+      k = static_cast<std::size_t>(draw() % n);
+      if (weights.empty() || S(draw() >> 11) * S(0x1p-53) * heaviest < weights[k]) break;
+    }
+    return k;
+  };
   for (int h = 0; h < options.hypotheses; ++h) {
     std::array<std::size_t, kSample> sample{};
     for (std::size_t k = 0; k < kSample; ++k) {
       do {
-        sample[k] = draw();
+        sample[k] = draw_observation();
       } while (std::find(sample.begin(), sample.begin() + static_cast<std::ptrdiff_t>(k), sample[k]) !=
                sample.begin() + static_cast<std::ptrdiff_t>(k));
     }
@@ -88,23 +163,12 @@ template <std::floating_point S>
     bool usable = true;
     for (int i = 0; i < options.iterations && usable; ++i) {
       system.set_zero();
-      Eigen::Matrix<S, 3, 1> r;
-      Eigen::Matrix<S, 3, 6> J;
-      for (const std::size_t k : sample) {
-        const PoseObservation<S>& o = observations[k];
-        if (!pose_residual(camera, T, o, r, &J)) {
-          usable = false;
-          break;
-        }
-        system.add_row(J.row(0), r.x(), o.inv_sigma_px2);
-        system.add_row(J.row(1), r.y(), o.inv_sigma_px2);
-        if (o.inv_sigma_z2 > S(0) && is_valid_depth(o.depth)) system.add_row(J.row(2), r.z(), o.inv_sigma_z2);
-      }
+      for (const std::size_t k : sample) usable = usable && add(observations[k], T, S(1));
       Eigen::Matrix<S, 6, 1> step;
       usable = usable && system.solve(S(0), step);
       if (usable) T = SE3<S>::exp(step) * T;
     }
-    if (usable) judge(T);
+    if (usable && judge(T)) refine();
   }
   return best;
 }

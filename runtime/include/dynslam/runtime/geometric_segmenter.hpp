@@ -68,6 +68,8 @@ class GeometricSegmenter {
   /// Makes `frame` the reference keyframe.
   void set_reference(const Frame& frame, const RgbdFrame& input, const ImagePyramid& pyramid);
   [[nodiscard]] bool has_reference() const { return !reference_.pixels.empty(); }
+  /// Puts the reference where the map has its keyframe by now.
+  void place_reference(const SE3<double>& T_c_w) { reference_.T_c_w = T_c_w; }
 
   /// Mask of moving pixels (CV_8UC1, 255) of the frame with the given initial pose.
   /// @param prior  a-priori dynamic mask (may be empty): its points never enter scales or F
@@ -79,7 +81,7 @@ class GeometricSegmenter {
   /// Must be called once per tracked frame, after `segment` (or alone: the depth is reduced then).
   void remember(const cv::Mat& depth, const SE3<double>& T_c_w, const cv::Mat& dynamic_mask, bool segmented);
 
-  /// Moves all that was remembered with a correction of the map: new T_c_w = old T_c_w D.
+  /// Moves the frames that were remembered with a correction of the map: new T_c_w = old T_c_w D.
   void follow(const SE3<double>& D);
 
   /// Whether the surface at a pixel of the frame last segmented was seen in the same place long before.
@@ -99,7 +101,7 @@ class GeometricSegmenter {
     std::vector<cv::Point2f> pixels;
     std::vector<PointPatch> patches;
     std::vector<Eigen::Vector2d> ideal;
-    std::vector<Eigen::Vector3d> points_w;
+    std::vector<Eigen::Vector3d> points;  ///< in its camera's frame [m]
     cv::Mat gray;
     SE3<double> T_c_w;
   };

@@ -51,6 +51,7 @@ struct TrackerOptions {
   double max_point_depth =
       8.0;                    ///< farther depth makes no map points [m]; noise grows with z^2, weights follow
   int min_inliers = 25;       ///< fewer: the pose is not accepted
+  double local_chi2 = 25;     ///< squared normalised error from which a match of the local map is dropped
   int local_keyframes = 12;   ///< neighbours whose points are searched
   int semantic_dilation = 9;  ///< pixels added around a-priori masks
   int feature_margin = 6;     ///< pixels around the fused mask in which features are not used
@@ -160,6 +161,8 @@ class Tracker {
   void gather(const Frame& frame);
   /// Pose from the frame's matches outside its dynamic flags; outliers lose their match.
   PoseResult<double> optimise(Frame& frame, const SE3<double>& start, bool drop_outliers);
+  /// Fills weights_ with the surface that each of observations_ stands for.
+  void weigh_by_surface(const SE3<double>& T_c_w);
   bool relocalise(Frame& frame, const cv::Mat& depth, SE3<double>& T_c_w);
   /// Waits for the bundle adjustment, if one runs, and uses it. @return the correction, see follow()
   SE3<double> settle();
@@ -197,6 +200,7 @@ class Tracker {
   std::vector<std::pair<int, int>> places_found_;
   std::vector<int> candidates_, observation_feature_, match_distance_, holder_;
   std::vector<PoseObservation<double>> observations_;
+  std::vector<double> weights_;  // of observations_ in the consensus
   std::vector<std::uint8_t> occupied_;
   cv::Mat resting_;  // people at rest, CV_8UC1
   PoseWorkspace<double> workspace_;
