@@ -8,7 +8,7 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 out=${1:-results/synthetic}
-program=build/release/bin/dynslam
+program=${DYNSLAM:-build/release/bin/dynslam}
 mkdir -p "$out"
 
 ate() { sed -n 's/.*"ate_m":{[^}]*"rmse":\([0-9.e-]*\).*/\1/p' "$1"; }

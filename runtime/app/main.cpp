@@ -287,7 +287,7 @@ int main(int argc, char** argv) {
   synth_command->add_option("--frames", synth_options.frames, "Number of frames")->capture_default_str();
   synth_command->add_option("--path", synth_options.path, "Camera path: static, xyz, rpy, halfsphere, loop")
       ->capture_default_str();
-  synth_command->add_option("--scenario", synth_options.scenario, "walking, sitting, box, empty")
+  synth_command->add_option("--scenario", synth_options.scenario, "walking, sitting, box, board, empty")
       ->capture_default_str();
   synth_command->add_option("--walkers", synth_options.walkers, "People who walk")->capture_default_str();
   synth_command->add_option("--box", synth_options.box, "The first walker carries a box")

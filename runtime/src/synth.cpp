@@ -93,8 +93,8 @@ void check(const SynthOptions& o) {
   if (!one_of(o.path, {"static", "xyz", "rpy", "halfsphere", "loop"})) {
     throw UsageError(fmt::format("unknown camera path '{}': static, xyz, rpy, halfsphere or loop", o.path));
   }
-  if (!one_of(o.scenario, {"walking", "sitting", "box", "empty"})) {
-    throw UsageError(fmt::format("unknown scenario '{}': walking, sitting, box or empty", o.scenario));
+  if (!one_of(o.scenario, {"walking", "sitting", "box", "board", "empty"})) {
+    throw UsageError(fmt::format("unknown scenario '{}': walking, sitting, box, board or empty", o.scenario));
   }
   if (o.frames < 1 || o.frames > 100000) throw UsageError("--frames must be from 1 to 100000");
   if (o.walkers < 0 || o.walkers > 8) throw UsageError("--walkers must be from 0 to 8");

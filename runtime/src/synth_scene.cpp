@@ -90,6 +90,16 @@ cv::Mat poster(Random& r) {
   return image;
 }
 
+/// Checks in all greys: corners everywhere.
+cv::Mat checks(Random& r) {
+  constexpr int kSide = 24;
+  cv::Mat image(480, 480, CV_8UC3);
+  for (int y = 0; y < image.rows; y += kSide) {
+    for (int x = 0; x < image.cols; x += kSide) image({x, y, kSide, kSide}).setTo(colour(r, 10, 245));
+  }
+  return image;
+}
+
 cv::Mat screen(Random& r) {
   cv::Mat image(288, 480, CV_8UC3, colour(r, 20, 120));
   for (int k = 0; k < 3; ++k) {
@@ -227,6 +237,7 @@ void Scene::make_textures(Random& r) {
     hairs_.push_back(add_texture(speckle(r, cv::Scalar(40, 55, 75) * r.uniform(0.4, 1.6), 128, 14, 10), 0.3));
     mugs_.push_back(add_texture(cloth(r, r.integer(0, 2)), 0.16));
   }
+  if (options_.scenario == "board") board_ = add_texture(checks(r), 1.0);  // last: the office stays the same
 }
 
 void Scene::quad(std::vector<Triangle>& out, const std::array<Vector3d, 4>& p, int texture, const Tag& tag) {
@@ -565,6 +576,12 @@ std::vector<Triangle> Scene::triangles(double t) const {
   std::vector<Triangle> out = furniture_;
   for (const Person& person : walkers_) add_walker(out, person, t);
   if (options_.scenario == "walking" || options_.scenario == "sitting") add_sitter(out, t);
+  if (options_.scenario == "board") {  // it fills a sixth of the view and has most of its corners
+    const double x = 0.35 * std::sin(1.1 * t), y = 1.0 + 0.1 * std::sin(0.7 * t),
+                 z = 1.2 + 0.1 * std::sin(1.3 * t);
+    box(out, at(x, y, z, 0.25 * std::sin(0.8 * t)), {0.8, 0.03, 0.6}, board_,
+        {Label::background, 0, true, true});
+  }
   if (options_.scenario == "box") {
     const double x = 0.9 * std::sin(0.9 * t - 1.2), y = 1.0 + 0.25 * std::sin(0.6 * t),
                  z = 1.15 + 0.15 * std::sin(1.1 * t);

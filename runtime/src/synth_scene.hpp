@@ -84,7 +84,7 @@ class Scene {
   double sitter_x_ = 0, sitter_y_ = 0;
   // texture groups
   int floor_ = 0, wall_ = 0, partition_ = 0, wood_ = 0, metal_ = 0, dark_ = 0, ceiling_ = 0, keyboard_ = 0, carton_ = 0, leaf_ = 0,
-      cloth_ = 0;
+      cloth_ = 0, board_ = 0;
   std::vector<int> posters_, screens_, books_, shirts_, trousers_, skins_, hairs_, mugs_;
 };
 

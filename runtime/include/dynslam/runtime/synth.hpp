@@ -13,7 +13,8 @@ struct SynthOptions {
   std::uint64_t seed = 1;            ///< layout, colours, people, noise
   int frames = 150;
   std::string path = "halfsphere";   ///< static, xyz, rpy, halfsphere (as TUM's camera motions); loop: once around in 18 s
-  std::string scenario = "walking";  ///< walking; sitting (nobody walks); box (a box moves by itself); empty
+  /// walking; sitting (nobody walks); box (a box moves by itself); board (a large one, all texture); empty
+  std::string scenario = "walking";
   int walkers = 2;                   ///< people who walk (scenario walking)
   bool box = true;                   ///< the first walker carries a box that no segmenter has a class for
   bool exposure_change = false;
