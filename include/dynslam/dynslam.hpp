@@ -31,6 +31,7 @@
 #include "dynslam/optim/pose_consensus.hpp"
 #include "dynslam/optim/pose_graph.hpp"
 #include "dynslam/robust/kernels.hpp"
+#include "dynslam/robust/split_mix64.hpp"
 #include "dynslam/robust/t_distribution.hpp"
 #include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/region_growing.hpp"

@@ -179,12 +179,6 @@ cv::Mat carton(Random& r) {
 
 }  // namespace
 
-std::uint64_t Random::bits() {
-  std::uint64_t z = (state_ += 0x9E3779B97F4A7C15ULL);
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ULL;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBULL;
-  return z ^ (z >> 31);
-}
 double Random::uniform(double low, double high) {
   return low + (high - low) * static_cast<double>(bits() >> 11) * 0x1.0p-53;
 }

@@ -9,22 +9,23 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "dynslam/robust/split_mix64.hpp"
 #include "dynslam/runtime/mask_reader.hpp"
 #include "dynslam/runtime/synth.hpp"
 
 namespace dynslam::runtime::synth {
 
-/// Small reproducible generator (splitmix64); the standard distributions differ between libraries.
+/// What pictures and sensors draw from the generator.
 class Random {
  public:
-  explicit Random(std::uint64_t seed) : state_(seed) {}
-  std::uint64_t bits();
+  explicit Random(std::uint64_t seed) : generator_(seed) {}
+  std::uint64_t bits() { return generator_.next(); }
   double uniform(double low, double high);
   int integer(int low, int high);  ///< both ends included
   double normal();
 
  private:
-  std::uint64_t state_;
+  SplitMix64 generator_;
 };
 
 /// A picture repeated over a surface, with reduced copies against aliasing.
@@ -68,11 +69,12 @@ class Scene {
   void make_room(Random& random);
   void make_desk(Random& random, double x, double y);
   void make_chair(double x, double y, double angle);
-  static void quad(std::vector<Triangle>& out, const std::array<Eigen::Vector3d, 4>& p, int texture, const Tag& tag);
-  static void box(std::vector<Triangle>& out, const Eigen::Affine3d& T, const Eigen::Vector3d& size, int texture, const Tag& tag,
-                  int front = -1);
-  static void limb(std::vector<Triangle>& out, const Eigen::Vector3d& a, const Eigen::Vector3d& b, double ra, double rb, int texture,
+  static void quad(std::vector<Triangle>& out, const std::array<Eigen::Vector3d, 4>& p, int texture,
                    const Tag& tag);
+  static void box(std::vector<Triangle>& out, const Eigen::Affine3d& T, const Eigen::Vector3d& size,
+                  int texture, const Tag& tag, int front = -1);
+  static void limb(std::vector<Triangle>& out, const Eigen::Vector3d& a, const Eigen::Vector3d& b, double ra,
+                   double rb, int texture, const Tag& tag);
   void add_walker(std::vector<Triangle>& out, const Person& person, double t) const;
   void add_sitter(std::vector<Triangle>& out, double t) const;
 
@@ -83,8 +85,8 @@ class Scene {
   std::uint16_t instances_ = 0;
   double sitter_x_ = 0, sitter_y_ = 0;
   // texture groups
-  int floor_ = 0, wall_ = 0, partition_ = 0, wood_ = 0, metal_ = 0, dark_ = 0, ceiling_ = 0, keyboard_ = 0, carton_ = 0, leaf_ = 0,
-      cloth_ = 0, board_ = 0;
+  int floor_ = 0, wall_ = 0, partition_ = 0, wood_ = 0, metal_ = 0, dark_ = 0, ceiling_ = 0, keyboard_ = 0,
+      carton_ = 0, leaf_ = 0, cloth_ = 0, board_ = 0;
   std::vector<int> posters_, screens_, books_, shirts_, trousers_, skins_, hairs_, mugs_;
 };
 

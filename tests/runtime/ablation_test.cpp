@@ -10,31 +10,20 @@
 #include "dynslam/runtime/evaluate.hpp"
 #include "dynslam/runtime/pipeline.hpp"
 #include "dynslam/runtime/synth.hpp"
-#include "tum_fixture.hpp"
+#include "run_fixture.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
 namespace fs = std::filesystem;
+using test::kNeverStop, test::options_for;
 
 namespace {
 
 constexpr int kFrames = 150;
 
-RunOptions options_for(const fs::path& sequence, const fs::path& out, DynamicsMode mode) {
-  RunOptions o;
-  o.sequence = sequence;
-  o.out = out;
-  o.dynamics = mode;
-  o.masks = sequence / "label";
-  o.save_masks = true;
-  return o;
-}
-
 double ate_of(const fs::path& out, const fs::path& sequence) {
   return evaluate_trajectory(out / "trajectory.txt", sequence / "groundtruth.txt").ate.translation.rmse;
 }
-
-const std::atomic<bool> kNeverStop{false};
 
 }  // namespace
 

@@ -6,7 +6,6 @@
 
 #include <cstdlib>
 #include <fstream>
-#include <iterator>
 #include <opencv2/imgcodecs.hpp>
 
 #include "dynslam/runtime/error.hpp"
@@ -14,45 +13,20 @@
 #include "dynslam/runtime/synth.hpp"
 #include "dynslam/runtime/trajectory_io.hpp"
 #include "dynslam/runtime/tum_reader.hpp"
-#include "tum_fixture.hpp"
+#include "run_fixture.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
 namespace fs = std::filesystem;
+using test::bytes, test::kNeverStop, test::options_for;
 
 namespace {
 
-std::string bytes(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return std::string(std::istreambuf_iterator<char>(in), {});
-}
-
 /// People walking, rendered once for all tests of this file.
 const fs::path& walking() {
-  static const test::TemporaryFolder folder;
-  static const bool made = [] {
-    SynthOptions options;
-    options.frames = 40;
-    options.path = "xyz";
-    options.seed = 2;
-    synthesize(options, folder.path);
-    return true;
-  }();
-  (void)made;
-  return folder.path;
+  static const test::WalkingSequence sequence(40);
+  return sequence.path;
 }
-
-RunOptions options_for(const fs::path& sequence, const fs::path& out, DynamicsMode mode) {
-  RunOptions o;
-  o.sequence = sequence;
-  o.out = out;
-  o.dynamics = mode;
-  o.masks = sequence / "label";
-  o.save_masks = true;
-  return o;
-}
-
-const std::atomic<bool> kNeverStop{false};
 
 }  // namespace
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <atomic>
 #include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <thread>
@@ -14,48 +13,22 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluate.hpp"
 #include "dynslam/runtime/pipeline.hpp"
-#include "dynslam/runtime/synth.hpp"
 #include "dynslam/runtime/trajectory_io.hpp"
 #include "dynslam/runtime/tum_reader.hpp"
-#include "tum_fixture.hpp"
+#include "run_fixture.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
 namespace fs = std::filesystem;
+using test::bytes, test::kNeverStop, test::options_for;
 
 namespace {
 
-std::string bytes(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return std::string(std::istreambuf_iterator<char>(in), {});
-}
-
 /// People walking for two seconds, rendered once for all tests of this file.
 const fs::path& walking() {
-  static const test::TemporaryFolder folder;
-  static const bool made = [] {
-    SynthOptions options;
-    options.frames = 60;
-    options.path = "xyz";
-    options.seed = 2;
-    synthesize(options, folder.path);
-    return true;
-  }();
-  (void)made;
-  return folder.path;
+  static const test::WalkingSequence sequence(60);
+  return sequence.path;
 }
-
-RunOptions options_for(const fs::path& sequence, const fs::path& out, DynamicsMode mode) {
-  RunOptions o;
-  o.sequence = sequence;
-  o.out = out;
-  o.dynamics = mode;
-  o.masks = sequence / "label";
-  o.save_masks = true;
-  return o;
-}
-
-const std::atomic<bool> kNeverStop{false};
 
 }  // namespace
 

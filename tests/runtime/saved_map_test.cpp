@@ -4,9 +4,7 @@
 
 #include <doctest/doctest.h>
 
-#include <atomic>
 #include <fstream>
-#include <iterator>
 #include <string>
 #include <vector>
 
@@ -17,18 +15,14 @@
 #include "dynslam/runtime/trajectory_io.hpp"
 #include "dynslam/runtime/tum_reader.hpp"
 #include "random.hpp"
-#include "tum_fixture.hpp"
+#include "run_fixture.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
 namespace fs = std::filesystem;
+using test::bytes, test::kNeverStop;
 
 namespace {
-
-std::string bytes(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return std::string(std::istreambuf_iterator<char>(in), {});
-}
 
 void write(const fs::path& path, const std::string& content) {
   std::ofstream(path, std::ios::binary) << content;
@@ -44,7 +38,7 @@ struct Office {
     synth.scenario = "empty";
     synth.path = "xyz";
     synthesize(synth, sequence);
-    (void)run_sequence(options("first", 20, {}, map), kGoOn);
+    (void)run_sequence(options("first", 20, {}, map), kNeverStop);
   }
   [[nodiscard]] RunOptions options(const char* out, std::size_t frames, const fs::path& load,
                                    const fs::path& save) const {
@@ -58,7 +52,6 @@ struct Office {
     return o;
   }
   [[nodiscard]] CameraConfig camera() const { return load_camera((sequence / "camera.txt").string()); }
-  static inline const std::atomic<bool> kGoOn{false};
 };
 
 const Office& office() {
@@ -80,7 +73,7 @@ std::string complaint(const fs::path& folder) {
 TEST_CASE("a second session finds itself in the first one's map, in its frame, and extends it") {
   const Office& o = office();
   const fs::path extended = o.folder.path / "extended";
-  const RunSummary summary = run_sequence(o.options("second", 40, o.map, extended), Office::kGoOn);
+  const RunSummary summary = run_sequence(o.options("second", 40, o.map, extended), kNeverStop);
   CHECK(summary.lost == 0);
   CHECK(summary.tracked == 40);
   // The world is the first session's: the same frames have the same poses, without any alignment.
@@ -157,6 +150,6 @@ TEST_CASE("who never finds himself in a map is told so") {
   synthesize(synth, elsewhere.path);
   RunOptions options = o.options("lost", 0, o.map, {});
   options.sequence = elsewhere.path;
-  CHECK_THROWS_WITH_AS((void)run_sequence(options, Office::kGoOn), doctest::Contains("never found itself"),
+  CHECK_THROWS_WITH_AS((void)run_sequence(options, kNeverStop), doctest::Contains("never found itself"),
                        InputError);
 }

@@ -15,6 +15,7 @@
 
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/geometry/se3.hpp"
+#include "dynslam/robust/split_mix64.hpp"
 
 namespace dynslam {
 
@@ -161,27 +162,6 @@ struct FundamentalResult {
   FundamentalStatus status = FundamentalStatus::too_few_points;
 };
 
-namespace detail {
-/// splitmix64: the standard library's distributions differ between implementations.
-class SplitMix64 {
- public:
-  explicit SplitMix64(std::uint64_t seed) : state_(seed) {}
-  [[nodiscard]] std::uint64_t next() {
-    std::uint64_t z = (state_ += 0x9E3779B97F4A7C15ULL);
-    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ULL;
-    z = (z ^ (z >> 27)) * 0x94D049BB133111EBULL;
-    return z ^ (z >> 31);
-  }
-  /// Integer in [0, n).
-  [[nodiscard]] int below(int n) {
-    return static_cast<int>((next() >> 32) * static_cast<std::uint64_t>(n) >> 32);
-  }
-
- private:
-  std::uint64_t state_;
-};
-}  // namespace detail
-
 /// F by RANSAC over eight-point samples with an adaptive number of iterations, refined on its inliers.
 template <std::floating_point S>
 [[nodiscard]] FundamentalResult<S> fundamental_ransac(std::span<const Eigen::Matrix<S, 2, 1>> x,
@@ -202,7 +182,7 @@ template <std::floating_point S>
     }
     return inliers;
   };
-  detail::SplitMix64 random(options.seed);
+  SplitMix64 random(options.seed);
   std::vector<std::uint8_t> flags(static_cast<std::size_t>(n));
   int sample[kSample];
   int needed = options.max_iterations;

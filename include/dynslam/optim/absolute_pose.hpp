@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -11,6 +12,7 @@
 
 #include "dynslam/geometry/rigid_alignment.hpp"
 #include "dynslam/optim/pose.hpp"
+#include "dynslam/robust/split_mix64.hpp"
 
 namespace dynslam {
 
@@ -50,17 +52,12 @@ template <std::floating_point S>
   AbsolutePose<S> best;
   ws.measured.clear();
   for (std::size_t k = 0; k < matches.size(); ++k) {
-    if (matches[k].inv_sigma_z2 > S(0) && is_valid_depth(matches[k].depth)) ws.measured.push_back(k);
+    if (measures_depth(matches[k])) ws.measured.push_back(k);
   }
   const std::size_t n = ws.measured.size();
   if (n < kSample) return best;
-  std::uint64_t state = options.seed;
-  const auto draw = [&] {  // splitmix64: the standard library's distributions differ between platforms
-    std::uint64_t z = (state += 0x9E3779B97F4A7C15ULL);
-    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ULL;
-    z = (z ^ (z >> 27)) * 0x94D049BB133111EBULL;
-    return ws.measured[static_cast<std::size_t>((z ^ (z >> 31)) % n)];
-  };
+  SplitMix64 random(options.seed);
+  const auto draw = [&] { return ws.measured[random.index(n)]; };
   S best_cost = std::numeric_limits<S>::infinity();
   int needed = options.max_hypotheses;
   std::array<Vector3, kSample> measured, mapped;
@@ -86,17 +83,9 @@ template <std::floating_point S>
     if (!T) continue;
     S cost = S(0);
     int inliers = 0;
-    Vector3 r;
     for (const PoseObservation<S>& o : matches) {
-      S e = options.truncation;
-      if (pose_residual<S>(camera, *T, o, r, nullptr)) {
-        S chi2 = o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y());
-        if (o.inv_sigma_z2 > S(0) && is_valid_depth(o.depth)) chi2 += o.inv_sigma_z2 * r.z() * r.z();
-        if (chi2 < e) {
-          e = chi2;
-          ++inliers;
-        }
-      }
+      const S e = std::min(options.truncation, observation_chi2(camera, *T, o));
+      inliers += e < options.truncation ? 1 : 0;
       cost += e;
       if (cost >= best_cost) break;
     }

@@ -93,13 +93,25 @@ template <Scalar S>
   return true;
 }
 
+/// Whether the depth of an observation is known, and how well.
+template <Scalar S>
+[[nodiscard]] bool measures_depth(const PoseObservation<S>& o) {
+  return o.inv_sigma_z2 > S(0) && is_valid_depth(o.depth);
+}
+
+/// Squared normalised error of an observation with the given residual (pose_residual).
+template <Scalar S>
+[[nodiscard]] S observation_chi2(const PoseObservation<S>& o, const Eigen::Matrix<S, 3, 1>& r) {
+  const S pixel = o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y());
+  return measures_depth(o) ? pixel + o.inv_sigma_z2 * r.z() * r.z() : pixel;
+}
+
 /// Squared normalised error of an observation under a pose; infinity behind the camera.
 template <std::floating_point S>
 [[nodiscard]] S observation_chi2(const Pinhole<S>& camera, const SE3<S>& T_c_w, const PoseObservation<S>& o) {
   Eigen::Matrix<S, 3, 1> r;
-  if (!pose_residual<S>(camera, T_c_w, o, r, nullptr)) return std::numeric_limits<S>::infinity();
-  const S pixel = o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y());
-  return o.inv_sigma_z2 > S(0) && is_valid_depth(o.depth) ? pixel + o.inv_sigma_z2 * r.z() * r.z() : pixel;
+  return pose_residual<S>(camera, T_c_w, o, r, nullptr) ? observation_chi2(o, r)
+                                                        : std::numeric_limits<S>::infinity();
 }
 
 /// Pose from reprojection and depth with a robust kernel on their joint squared normalised residual,
@@ -122,9 +134,7 @@ PoseResult<S> optimize_pose(const Pinhole<S>& camera, std::span<const PoseObserv
     const S pixel = pixel_information * o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y());
     return depth ? pixel + o.inv_sigma_z2 * r.z() * r.z() : pixel;
   };
-  const auto has_depth = [&](const PoseObservation<S>& o) {
-    return options.use_depth && o.inv_sigma_z2 > S(0) && is_valid_depth(o.depth);
-  };
+  const auto has_depth = [&](const PoseObservation<S>& o) { return options.use_depth && measures_depth(o); };
   // Cost over the inliers; points behind the camera make it infinite so that such a step is refused.
   const auto cost_at = [&](const SE3<S>& T) {
     S sum = S(0);

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "dynslam/optim/pose.hpp"
+#include "dynslam/robust/split_mix64.hpp"
 
 namespace dynslam {
 
@@ -93,6 +94,7 @@ template <std::floating_point S>
                                               const PoseConsensusOptions<S>& options = {},
                                               std::span<const S> weights = {}) {
   constexpr std::size_t kSample = 3;  // with depth, three points determine a pose
+  constexpr S kNoLimit = std::numeric_limits<S>::infinity();
   PoseConsensus<S> best;
   best.T_c_w = T_c_w_predicted;
   const std::size_t n = observations.size();
@@ -110,23 +112,21 @@ template <std::floating_point S>
     return true;
   };
   NormalEquations<S, 6> system;
-  const auto add = [&](const PoseObservation<S>& o, const SE3<S>& T, S w) {
+  // Adds an observation whose squared normalised error is below the limit.
+  const auto add = [&](const PoseObservation<S>& o, const SE3<S>& T, S limit) {
     Eigen::Matrix<S, 3, 1> r;
     Eigen::Matrix<S, 3, 6> J;
-    if (!pose_residual(camera, T, o, r, &J)) return false;
-    system.add_row(J.row(0), r.x(), w * o.inv_sigma_px2);
-    system.add_row(J.row(1), r.y(), w * o.inv_sigma_px2);
-    if (o.inv_sigma_z2 > S(0) && is_valid_depth(o.depth)) system.add_row(J.row(2), r.z(), w * o.inv_sigma_z2);
+    if (!pose_residual(camera, T, o, r, &J) || !(observation_chi2(o, r) < limit)) return false;
+    system.add_row(J.row(0), r.x(), o.inv_sigma_px2);
+    system.add_row(J.row(1), r.y(), o.inv_sigma_px2);
+    if (measures_depth(o)) system.add_row(J.row(2), r.z(), o.inv_sigma_z2);
     return true;
   };
   const auto refine = [&] {
     Eigen::Matrix<S, 6, 1> step;
     for (int i = 0; i < options.iterations; ++i) {
       system.set_zero();
-      for (std::size_t k = 0; k < n; ++k) {
-        if (observation_chi2(camera, best.T_c_w, observations[k]) < options.truncation)
-          (void)add(observations[k], best.T_c_w, S(1));
-      }
+      for (const PoseObservation<S>& o : observations) (void)add(o, best.T_c_w, options.truncation);
       if (!system.solve(S(0), step) || !judge(SE3<S>::exp(step) * best.T_c_w)) return;
     }
   };
@@ -134,20 +134,14 @@ template <std::floating_point S>
   for (const SE3<S>& T : alternatives) judge(T);
   if (n < kSample) return best;
 
-  std::uint64_t state = options.seed;
-  const auto draw = [&] {  // splitmix64: the standard library's distributions differ between platforms
-    std::uint64_t z = (state += 0x9E3779B97F4A7C15ULL);
-    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ULL;
-    z = (z ^ (z >> 27)) * 0x94D049BB133111EBULL;
-    return z ^ (z >> 31);
-  };
+  SplitMix64 random(options.seed);
   const S heaviest = weights.empty() ? S(1) : *std::max_element(weights.begin(), weights.end());
   const auto draw_observation = [&] {
     constexpr int kRefusals = 1000;  // weights that differ by more than this are no longer told apart
     std::size_t k = 0;
     for (int trial = 0; trial < kRefusals; ++trial) {
-      k = static_cast<std::size_t>(draw() % n);
-      if (weights.empty() || S(draw() >> 11) * S(0x1p-53) * heaviest < weights[k]) break;
+      k = random.index(n);
+      if (weights.empty() || random.unit<S>() * heaviest < weights[k]) break;
     }
     return k;
   };
@@ -163,7 +157,7 @@ template <std::floating_point S>
     bool usable = true;
     for (int i = 0; i < options.iterations && usable; ++i) {
       system.set_zero();
-      for (const std::size_t k : sample) usable = usable && add(observations[k], T, S(1));
+      for (const std::size_t k : sample) usable = usable && add(observations[k], T, kNoLimit);
       Eigen::Matrix<S, 6, 1> step;
       usable = usable && system.solve(S(0), step);
       if (usable) T = SE3<S>::exp(step) * T;
