@@ -23,6 +23,7 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/image/image_view.hpp"
 #include "dynslam/image/sample.hpp"
+#include "dynslam/image/widen.hpp"
 #include "dynslam/optim/absolute_pose.hpp"
 #include "dynslam/optim/bundle_adjustment.hpp"
 #include "dynslam/optim/normal_equations.hpp"

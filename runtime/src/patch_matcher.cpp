@@ -14,6 +14,7 @@ namespace {
 
 using Template = AlignmentPatch<float, 8>;
 constexpr float kMinGradient = 8.0F;  // smaller eigenvalue of the mean gradient product, grey^2
+constexpr float kRounding = 1e-4F;    // of coordinates inside a patch [px]
 
 }  // namespace
 
@@ -51,22 +52,38 @@ bool PatchMatcher::match(const ImagePyramid& pyramid, const PointPatch& patch, c
   const Eigen::Matrix2f to_patch = (warp.inverse() * (sizes[static_cast<std::size_t>(level)].x() /
                                                       sizes[static_cast<std::size_t>(patch.level)].x()))
                                        .cast<float>();
-  std::array<float, static_cast<std::size_t>(Template::kBordered * Template::kBordered)> bordered;
+  constexpr int kSide = Template::kBordered;
   constexpr int kOrigin = Template::kSize / 2 + 1;
-  constexpr auto kLimit = static_cast<float>(PointPatch::kSide - 1);
-  for (int y = 0; y < Template::kBordered; ++y) {
-    for (int x = 0; x < Template::kBordered; ++x) {
-      const Eigen::Vector2f p = patch.centre + to_patch * Eigen::Vector2f(static_cast<float>(x - kOrigin),
-                                                                          static_cast<float>(y - kOrigin));
-      if (!(p.x() >= 0 && p.y() >= 0 && p.x() < kLimit && p.y() < kLimit)) return false;
-      const int u = static_cast<int>(p.x()), v = static_cast<int>(p.y());
-      const float a = p.x() - static_cast<float>(u), b = p.y() - static_cast<float>(v);
-      const std::uint8_t* g = patch.grey.data() + v * PointPatch::kSide + u;
-      const float top = static_cast<float>(g[0]) + a * static_cast<float>(g[1] - g[0]);
-      const float bottom = static_cast<float>(g[PointPatch::kSide]) +
-                           a * static_cast<float>(g[PointPatch::kSide + 1] - g[PointPatch::kSide]);
-      bordered[static_cast<std::size_t>(y * Template::kBordered + x)] = top + b * (bottom - top);
+  // An affine image of a square lies inside where its corners do.
+  const auto source = [&](int x, int y) {
+    return Eigen::Vector2f(patch.centre + to_patch * Eigen::Vector2f(static_cast<float>(x - kOrigin),
+                                                                     static_cast<float>(y - kOrigin)));
+  };
+  for (const int y : {0, kSide - 1}) {
+    for (const int x : {0, kSide - 1}) {
+      const Eigen::Vector2f p = source(x, y);
+      constexpr auto kLimit = static_cast<float>(PointPatch::kSide - 1) - kRounding;
+      if (!(p.x() >= kRounding && p.y() >= kRounding && p.x() < kLimit && p.y() < kLimit)) return false;
     }
+  }
+  using Row = Eigen::Array<float, kSide, 1>;
+  const Row columns = Row::LinSpaced(kSide, 0.0F, static_cast<float>(kSide - 1));
+  std::array<float, static_cast<std::size_t>(kSide * kSide)> bordered;
+  for (int y = 0; y < kSide; ++y) {
+    const Eigen::Vector2f first = source(0, y);
+    const Row px = first.x() + to_patch(0, 0) * columns, py = first.y() + to_patch(1, 0) * columns;
+    const Eigen::Array<int, kSide, 1> u = px.cast<int>(), v = py.cast<int>();
+    const Row a = px - u.cast<float>(), b = py - v.cast<float>();
+    Row g00, g10, g01, g11;
+    for (int x = 0; x < kSide; ++x) {
+      const std::uint8_t* g = patch.grey.data() + v[x] * PointPatch::kSide + u[x];
+      g00[x] = g[0];
+      g10[x] = g[1];
+      g01[x] = g[PointPatch::kSide];
+      g11[x] = g[PointPatch::kSide + 1];
+    }
+    const Row top = g00 + a * (g10 - g00), bottom = g01 + a * (g11 - g01);
+    Eigen::Map<Row>(bordered.data() + y * kSide) = top + b * (bottom - top);
   }
   Template reference;
   if (!reference.set(bordered, kMinGradient)) return false;

@@ -3,12 +3,15 @@
 
 #include <doctest/doctest.h>
 
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <vector>
 
 #include "dynslam/image/depth.hpp"
 #include "dynslam/image/sample.hpp"
+#include "dynslam/image/widen.hpp"
 #include "random.hpp"
 
 using namespace dynslam;
@@ -94,4 +97,16 @@ TEST_CASE_TEMPLATE("raw depth becomes metres; zero and non-finite values are inv
   CHECK_FALSE(is_valid_depth(S(0)));
   CHECK_FALSE(is_valid_depth(S(-1)));
   CHECK_FALSE(is_valid_depth(std::numeric_limits<S>::infinity()));
+}
+
+TEST_CASE_TEMPLATE("widened pixels are the pixels", S, float, double) {
+  std::array<std::uint8_t, 19> bytes{};
+  for (std::size_t k = 0; k < bytes.size(); ++k) bytes[k] = static_cast<std::uint8_t>(255 - 14 * k);
+  for (std::size_t first = 0; first + 8 <= bytes.size(); ++first) {  // at every alignment
+    const auto wide = widen<S, 8>(bytes.data() + first);
+    for (std::size_t k = 0; k < 8; ++k) CHECK(wide[static_cast<Eigen::Index>(k)] == S(bytes[first + k]));
+  }
+  const std::array<std::uint16_t, 4> words{0, 1, 4095, 65535};
+  const auto wide = widen<S, 4>(words.data());
+  for (std::size_t k = 0; k < 4; ++k) CHECK(wide[static_cast<Eigen::Index>(k)] == S(words[k]));
 }

@@ -11,6 +11,7 @@
 #include <span>
 
 #include "dynslam/concepts/image.hpp"
+#include "dynslam/image/widen.hpp"
 
 namespace dynslam {
 
@@ -25,7 +26,7 @@ struct PatchAlignmentOptions {
 template <std::floating_point S>
 struct PatchAlignmentResult {
   Eigen::Matrix<S, 2, 1> x;  ///< position of the patch's origin in the image [px]
-  S correlation = S(0);      ///< zero-mean normalised cross-correlation, -1..1
+  S correlation = S(0);      ///< zero-mean normalised cross-correlation, -1..1; 0 without convergence
   int iterations = 0;
   bool ok = false;  ///< converged inside the image, near the start, and looks alike
 };
@@ -45,31 +46,35 @@ class AlignmentPatch {
   /// @return false where the template does not determine a position (flat, or a straight edge)
   bool set(std::span<const S, static_cast<std::size_t>(kBordered* kBordered)> bordered, S min_eigenvalue) {
     Eigen::Matrix<S, 3, 3> H = Eigen::Matrix<S, 3, 3>::Zero();
-    S sum = S(0), sum2 = S(0);
+    Row xx = Row::Zero(), xy = Row::Zero(), yy = Row::Zero(), x1 = Row::Zero(), y1 = Row::Zero();
+    Row sum = Row::Zero(), sum2 = Row::Zero();
     for (int y = 0; y < N; ++y) {
-      const S* centre = bordered.data() + (y + 1) * kBordered + 1;
-      for (int x = 0; x < N; ++x) {
-        const auto k = static_cast<std::size_t>(y * N + x);
-        const S gx = S(0.5) * (centre[x + 1] - centre[x - 1]);
-        const S gy = S(0.5) * (centre[x + kBordered] - centre[x - kBordered]);
-        value_[k] = centre[x];
-        gx_[k] = gx;
-        gy_[k] = gy;
-        H(0, 0) += gx * gx;
-        H(0, 1) += gx * gy;
-        H(1, 1) += gy * gy;
-        H(0, 2) += gx;
-        H(1, 2) += gy;
-        sum += centre[x];
-        sum2 += centre[x] * centre[x];
-      }
+      const auto row = [&](int dx, int dy) {
+        return Eigen::Map<const Row>(bordered.data() + (y + 1 + dy) * kBordered + 1 + dx);
+      };
+      const auto k = static_cast<std::size_t>(y);
+      value_[k] = row(0, 0);
+      gx_[k] = S(0.5) * (row(1, 0) - row(-1, 0));
+      gy_[k] = S(0.5) * (row(0, 1) - row(0, -1));
+      xx += gx_[k] * gx_[k];
+      xy += gx_[k] * gy_[k];
+      yy += gy_[k] * gy_[k];
+      x1 += gx_[k];
+      y1 += gy_[k];
+      sum += value_[k];
+      sum2 += value_[k] * value_[k];
     }
+    H(0, 0) = xx.sum();
+    H(0, 1) = xy.sum();
+    H(1, 1) = yy.sum();
+    H(0, 2) = x1.sum();
+    H(1, 2) = y1.sum();
     H(2, 2) = S(N * N);
     H(1, 0) = H(0, 1);
     H(2, 0) = H(0, 2);
     H(2, 1) = H(1, 2);
-    mean_ = sum / S(N * N);
-    variance_ = sum2 / S(N * N) - mean_ * mean_;
+    mean_ = sum.sum() / S(N * N);
+    variance_ = sum2.sum() / S(N * N) - mean_ * mean_;
     const S trace = H(0, 0) + H(1, 1), gap = H(0, 0) - H(1, 1);
     const S smallest = S(0.5) * (trace - std::sqrt(gap * gap + S(4) * H(0, 1) * H(0, 1)));
     if (!(smallest > min_eigenvalue * S(N * N))) return false;
@@ -84,6 +89,7 @@ class AlignmentPatch {
     PatchAlignmentResult<S> result;
     result.x = start;
     S bias = S(0);
+    std::array<Row, static_cast<std::size_t>(N)> sample;
     const S reach = S(N / 2);
     for (result.iterations = 0; result.iterations < options.max_iterations;) {
       const S u = result.x.x() - reach, v = result.x.y() - reach;
@@ -91,36 +97,27 @@ class AlignmentPatch {
         return result;
       const int u0 = static_cast<int>(u), v0 = static_cast<int>(v);
       const S a = u - S(u0), b = v - S(v0);
-      const S w00 = (S(1) - a) * (S(1) - b), w10 = a * (S(1) - b), w01 = (S(1) - a) * b, w11 = a * b;
-      S rx = S(0), ry = S(0), rb = S(0);
-      S sum = S(0), sum2 = S(0), cross = S(0);
+      // A row is interpolated between columns once and serves the row above and the one below. One sum per
+      // column: they are independent, so each set stays in vector registers.
+      Row rx = Row::Zero(), ry = Row::Zero(), rb = Row::Zero();
+      Row top = interpolated(image.row(v0) + u0, a);
       for (int y = 0; y < N; ++y) {
-        const auto* top = image.row(v0 + y) + u0;
-        const auto* bottom = image.row(v0 + y + 1) + u0;
-        const S* value = value_.data() + y * N;
-        const S* gx = gx_.data() + y * N;
-        const S* gy = gy_.data() + y * N;
-        for (int x = 0; x < N; ++x) {
-          const S sample = w00 * static_cast<S>(top[x]) + w10 * static_cast<S>(top[x + 1]) +
-                           w01 * static_cast<S>(bottom[x]) + w11 * static_cast<S>(bottom[x + 1]);
-          const S r = sample - value[x] - bias;
-          rx += r * gx[x];
-          ry += r * gy[x];
-          rb += r;
-          sum += sample;
-          sum2 += sample * sample;
-          cross += sample * value[x];
-        }
+        const auto k = static_cast<std::size_t>(y);
+        const Row bottom = interpolated(image.row(v0 + y + 1) + u0, a);
+        sample[k] = top + b * (bottom - top);
+        const Row r = sample[k] - value_[k] - bias;
+        rx += r * gx_[k];
+        ry += r * gy_[k];
+        rb += r;
+        top = bottom;
       }
-      const S mean = sum / S(N * N);
-      const S variance = sum2 / S(N * N) - mean * mean;
-      result.correlation = (cross / S(N * N) - mean * mean_) / std::sqrt(variance * variance_ + S(1e-6));
-      const Eigen::Matrix<S, 3, 1> step = inverse_ * Eigen::Matrix<S, 3, 1>(rx, ry, rb);
+      const Eigen::Matrix<S, 3, 1> step = inverse_ * Eigen::Matrix<S, 3, 1>(rx.sum(), ry.sum(), rb.sum());
       ++result.iterations;
       result.x -= step.template head<2>();
       bias += step.z();
       if (!((result.x - start).squaredNorm() < options.max_shift * options.max_shift)) return result;
       if (step.template head<2>().squaredNorm() < options.tolerance * options.tolerance) {
+        result.correlation = correlation(sample);
         result.ok = result.correlation >= options.min_correlation;
         return result;
       }
@@ -129,7 +126,29 @@ class AlignmentPatch {
   }
 
  private:
-  std::array<S, static_cast<std::size_t>(N*N)> value_{}, gx_{}, gy_{};
+  using Row = Eigen::Array<S, N, 1>;
+
+  /// N values between the pixels at `p` and their right neighbours.
+  template <class P>
+  [[nodiscard]] static Row interpolated(const P* p, S a) {
+    const Row left = widen<S, N>(p), right = widen<S, N>(p + 1);
+    return left + a * (right - left);
+  }
+
+  /// Zero-mean normalised cross-correlation of the template with an image's values.
+  [[nodiscard]] S correlation(const std::array<Row, static_cast<std::size_t>(N)>& sample) const {
+    Row sum = Row::Zero(), sum2 = Row::Zero(), cross = Row::Zero();
+    for (std::size_t k = 0; k < sample.size(); ++k) {
+      sum += sample[k];
+      sum2 += sample[k] * sample[k];
+      cross += sample[k] * value_[k];
+    }
+    const S mean = sum.sum() / S(N * N);
+    const S variance = sum2.sum() / S(N * N) - mean * mean;
+    return (cross.sum() / S(N * N) - mean * mean_) / std::sqrt(variance * variance_ + S(1e-6));
+  }
+
+  std::array<Row, static_cast<std::size_t>(N)> value_{}, gx_{}, gy_{};
   Eigen::Matrix<S, 3, 3> inverse_ = Eigen::Matrix<S, 3, 3>::Zero();
   S mean_ = S(0), variance_ = S(0);
 };
