@@ -529,7 +529,13 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
       PoseConsensusOptions<double> consensus;
       consensus.seed = options_.seed + frame.index;
       weights_.clear();
-      if (uses_geometry(options_.dynamics)) weigh_by_surface(predicted);
+      if (options_.dynamics != DynamicsMode::none) {  // which is the baseline: all features are equal
+        weigh_by_surface(predicted);
+        const double interval = std::max(1e-3, input.t - last_.t);
+        consensus.prior_share = options_.prior_share;
+        consensus.prior_translation = options_.prior_speed * interval;
+        consensus.prior_rotation = options_.prior_turn * interval;
+      }
       const SE3<double> start =
           pose_consensus<double>(camera_.model.pinhole(), observations_, predicted,
                                  std::span<const SE3<double>>(&last_.T_c_w, 1), consensus, weights_)

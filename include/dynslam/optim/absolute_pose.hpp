@@ -81,10 +81,11 @@ template <std::floating_point S>
     if (!rigid) continue;
     const auto T = horn_alignment<S>(mapped, measured);
     if (!T) continue;
+    const auto motion = T->isometry();
     S cost = S(0);
     int inliers = 0;
     for (const PoseObservation<S>& o : matches) {
-      const S e = std::min(options.truncation, observation_chi2(camera, *T, o));
+      const S e = std::min(options.truncation, observation_chi2(camera, motion, o));
       inliers += e < options.truncation ? 1 : 0;
       cost += e;
       if (cost >= best_cost) break;

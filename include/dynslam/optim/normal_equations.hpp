@@ -24,13 +24,19 @@ class NormalEquations {
 
   /// Adds weight * J^T J and weight * J^T r of one scalar residual.
   template <class D>
-  requires FixedMatrix<D, 1, N>
+    requires FixedMatrix<D, 1, N>
   void add_row(const Eigen::MatrixBase<D>& J, const S& r, const S& weight) {
     for (int j = 0; j < N; ++j) {
       const S wj = weight * J(0, j);
       for (int i = j; i < N; ++i) H_(i, j) += wj * J(0, i);
       b_(j) += wj * r;
     }
+  }
+
+  /// Takes over a system whose lower triangle was summed elsewhere.
+  void assign(const Matrix& H, const Vector& b) {
+    H_ = H;
+    b_ = b;
   }
 
   /// Step of the damped system (H + lambda diag H) delta = -b; false where it is not positive definite.
@@ -62,7 +68,8 @@ class NormalEquations {
     const Vector d = H.diagonal();
     if (!(S(0) < d.minCoeff()) || !d.allFinite()) return false;
     const Vector scale = d.cwiseSqrt().cwiseInverse();
-    const Matrix scaled = scale.asDiagonal() * Matrix(H.template selfadjointView<Eigen::Lower>()) * scale.asDiagonal();
+    const Matrix scaled =
+        scale.asDiagonal() * Matrix(H.template selfadjointView<Eigen::Lower>()) * scale.asDiagonal();
     const Eigen::LDLT<Matrix> factor(scaled);
     return factor.vectorD().minCoeff() > S(10) * Eigen::NumTraits<S>::epsilon();
   }

@@ -4,10 +4,12 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "dynslam/concepts/robust.hpp"
@@ -74,10 +76,12 @@ struct PoseWorkspace {
 
 /// Residual [u - x_u, v - x_v, p_z - depth] of a camera-frame point and its derivative with respect
 /// to the left increment [upsilon; omega] of T_c_w (rows 0-1: Eq 5, row 2: Eq 6).
+/// @param T_c_w  SE3, or its isometry() where many points follow
 /// @return false when the point is not in front of the camera
-template <Scalar S>
-[[nodiscard]] bool pose_residual(const Pinhole<S>& camera, const SE3<S>& T_c_w, const PoseObservation<S>& o,
-                                 Eigen::Matrix<S, 3, 1>& r, Eigen::Matrix<S, 3, 6>* J) {
+template <Scalar S, class Transform>
+[[nodiscard]] bool pose_residual(const Pinhole<S>& camera, const Transform& T_c_w,
+                                 const PoseObservation<S>& o, Eigen::Matrix<S, 3, 1>& r,
+                                 Eigen::Matrix<S, 3, 6>* J) {
   const Eigen::Matrix<S, 3, 1> p = T_c_w * o.p_w;
   typename Pinhole<S>::Jacobian dx;
   const auto x = camera.project(p, J != nullptr ? &dx : nullptr);
@@ -107,12 +111,84 @@ template <Scalar S>
 }
 
 /// Squared normalised error of an observation under a pose; infinity behind the camera.
-template <std::floating_point S>
-[[nodiscard]] S observation_chi2(const Pinhole<S>& camera, const SE3<S>& T_c_w, const PoseObservation<S>& o) {
+template <std::floating_point S, class Transform>
+[[nodiscard]] S observation_chi2(const Pinhole<S>& camera, const Transform& T_c_w,
+                                 const PoseObservation<S>& o) {
   Eigen::Matrix<S, 3, 1> r;
   return pose_residual<S>(camera, T_c_w, o, r, nullptr) ? observation_chi2(o, r)
                                                         : std::numeric_limits<S>::infinity();
 }
+
+/// Sums the normal equations of a pose over its observations.
+///
+/// Row by row (NormalEquations::add_row) most products are with zeros or are repeated: the Jacobian is
+/// P [I, -hat(p)] with the derivative P of (u, v, z) by the camera-frame point p, so that J^T W J has the
+/// blocks A = P^T W P, B = -A hat(p) and C = hat(p) B.
+template <Scalar S>
+class PoseEquations {
+ public:
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+
+  void set_zero() { *this = PoseEquations(); }
+
+  /// @param p  camera-frame point, in front of the camera
+  /// @param r  its residual (pose_residual)
+  /// @param pixel_weight, depth_weight  of the squares of r's first two components and of the third
+  void add(const Pinhole<S>& camera, const Vector3& p, const Vector3& r, const S& pixel_weight,
+           const S& depth_weight) {
+    const S inverse = S(1) / p.z();
+    const S a = camera.fx() * inverse, b = camera.fy() * inverse;  // P = [a 0 c; 0 b d; 0 0 1]
+    const S c = -a * p.x() * inverse, d = -b * p.y() * inverse;
+    const S wa = pixel_weight * a, wb = pixel_weight * b, wc = pixel_weight * c, wd = pixel_weight * d;
+    const S a00 = wa * a, a11 = wb * b, a02 = wa * c, a12 = wb * d, a22 = wc * c + wd * d + depth_weight;
+    a_[0] += a00;
+    a_[1] += a11;
+    a_[2] += a02;
+    a_[3] += a12;
+    a_[4] += a22;
+    const S x = p.x(), y = p.y(), z = p.z();
+    Eigen::Matrix<S, 3, 3> B;
+    B << a02 * y, a00 * z - a02 * x, -a00 * y,  //
+        a12 * y - a11 * z, -a12 * x, a11 * x,   //
+        a22 * y - a12 * z, a02 * z - a22 * x, a12 * x - a02 * y;
+    B_ += B;
+    c_[0] += y * B(2, 0) - z * B(1, 0);
+    c_[1] += z * B(0, 0) - x * B(2, 0);
+    c_[2] += z * B(0, 1) - x * B(2, 1);
+    c_[3] += x * B(1, 0) - y * B(0, 0);
+    c_[4] += x * B(1, 1) - y * B(0, 1);
+    c_[5] += x * B(1, 2) - y * B(0, 2);
+    const Vector3 force(wa * r.x(), wb * r.y(), wc * r.x() + wd * r.y() + depth_weight * r.z());
+    force_ += force;
+    torque_ +=
+        Vector3(y * force.z() - z * force.y(), z * force.x() - x * force.z(), x * force.y() - y * force.x());
+  }
+
+  void store(NormalEquations<S, 6>& system) const {
+    Eigen::Matrix<S, 6, 6> H = Eigen::Matrix<S, 6, 6>::Zero();
+    H(0, 0) = a_[0];
+    H(1, 1) = a_[1];
+    H(2, 0) = a_[2];
+    H(2, 1) = a_[3];
+    H(2, 2) = a_[4];
+    H.template bottomLeftCorner<3, 3>() = B_.transpose();
+    H(3, 3) = c_[0];
+    H(4, 3) = c_[1];
+    H(4, 4) = c_[2];
+    H(5, 3) = c_[3];
+    H(5, 4) = c_[4];
+    H(5, 5) = c_[5];
+    Eigen::Matrix<S, 6, 1> b;
+    b << force_, torque_;
+    system.assign(H, b);
+  }
+
+ private:
+  std::array<S, 5> a_{};  // A: 00, 11, 02, 12, 22; 01 is zero
+  Eigen::Matrix<S, 3, 3> B_ = Eigen::Matrix<S, 3, 3>::Zero();
+  std::array<S, 6> c_{};  // C: 00, 10, 11, 20, 21, 22
+  Vector3 force_ = Vector3::Zero(), torque_ = Vector3::Zero();
+};
 
 /// Pose from reprojection and depth with a robust kernel on their joint squared normalised residual,
 /// by Levenberg-Marquardt. After each round the observations are sorted into inliers and outliers
@@ -135,17 +211,27 @@ PoseResult<S> optimize_pose(const Pinhole<S>& camera, std::span<const PoseObserv
     return depth ? pixel + o.inv_sigma_z2 * r.z() * r.z() : pixel;
   };
   const auto has_depth = [&](const PoseObservation<S>& o) { return options.use_depth && measures_depth(o); };
-  // Cost over the inliers; points behind the camera make it infinite so that such a step is refused.
-  const auto cost_at = [&](const SE3<S>& T) {
-    S sum = S(0);
+  // Cost over the inliers and its linearisation in one pass: nearly every step is accepted, so the next one
+  // needs both. Points behind the camera make the cost infinite, so that such a step is refused.
+  PoseEquations<S> sums;
+  const auto linearise = [&](const SE3<S>& T, NormalEquations<S, 6>& system) {
+    const auto motion = T.isometry();
+    sums.set_zero();
+    S cost = S(0);
     Eigen::Matrix<S, 3, 1> r;
     for (std::size_t i = 0; i < n; ++i) {
       if (workspace.inlier[i] == 0) continue;
-      if (!pose_residual<S>(camera, T, observations[i], r, nullptr))
-        return std::numeric_limits<S>::infinity();
-      sum += kernel.rho(chi2(observations[i], r, has_depth(observations[i])));
+      const PoseObservation<S>& o = observations[i];
+      if (!pose_residual<S>(camera, motion, o, r, nullptr)) return std::numeric_limits<S>::infinity();
+      const bool depth = has_depth(o);
+      const S s = chi2(o, r, depth);
+      cost += kernel.rho(s);
+      const S weight = kernel.weight(s);
+      sums.add(camera, motion * o.p_w, r, weight * pixel_information * o.inv_sigma_px2,
+               depth ? weight * o.inv_sigma_z2 : S(0));
     }
-    return sum;
+    sums.store(system);
+    return cost;
   };
 
   // Half of true matches lie below the median of chi-square with 2 degrees of freedom.
@@ -164,56 +250,38 @@ PoseResult<S> optimize_pose(const Pinhole<S>& camera, std::span<const PoseObserv
     return S(1) / std::clamp(*middle / S(kMedian), options.min_pixel_scale * options.min_pixel_scale, S(1));
   };
 
-  NormalEquations<S, 6> system;
+  NormalEquations<S, 6> system, trial_system;
   SE3<S> T = T_c_w_initial;
   for (int round = 0; round < options.rounds; ++round) {
     if (options.min_pixel_scale < S(1)) pixel_information = estimate_pixel_information(T);
-    S lambda = S(1e-4), cost = cost_at(T);
+    S lambda = S(1e-4), cost = linearise(T, system);
     if (!std::isfinite(cost)) {  // the start puts inliers behind the camera: those cannot be inliers
       Eigen::Matrix<S, 3, 1> r;
       for (std::size_t i = 0; i < n; ++i) {
         if (!pose_residual<S>(camera, T, observations[i], r, nullptr) || !r.allFinite())
           workspace.inlier[i] = 0;
       }
-      cost = cost_at(T);
+      cost = linearise(T, system);
       if (!std::isfinite(cost)) {
         result.status = PoseStatus::diverged;
         return result;
       }
     }
     bool converged = false;
-    bool linearise = true;
     for (int iteration = 0; iteration < options.max_iterations && !converged; ++iteration) {
       ++result.iterations;
-      if (linearise) {
-        system.set_zero();
-        Eigen::Matrix<S, 3, 1> r;
-        Eigen::Matrix<S, 3, 6> J;
-        for (std::size_t i = 0; i < n; ++i) {
-          if (workspace.inlier[i] == 0) continue;
-          const PoseObservation<S>& o = observations[i];
-          if (!pose_residual(camera, T, o, r, &J)) continue;
-          const bool depth = has_depth(o);
-          const S weight = kernel.weight(chi2(o, r, depth));
-          const S pixel_weight = weight * pixel_information * o.inv_sigma_px2;
-          system.add_row(J.row(0), r.x(), pixel_weight);
-          system.add_row(J.row(1), r.y(), pixel_weight);
-          if (depth) system.add_row(J.row(2), r.z(), weight * o.inv_sigma_z2);
-        }
-        linearise = false;
-      }
       Eigen::Matrix<S, 6, 1> step;
       if (!system.solve(lambda, step)) {
         result.status = PoseStatus::degenerate;
         return result;
       }
       const SE3<S> trial = SE3<S>::exp(step) * T;
-      const S trial_cost = cost_at(trial);
+      const S trial_cost = linearise(trial, trial_system);
       if (trial_cost <= cost) {
         T = trial;
         cost = trial_cost;
+        std::swap(system, trial_system);
         lambda = std::max(lambda * S(0.1), S(1e-9));
-        linearise = true;
       } else {
         lambda *= S(10);
       }

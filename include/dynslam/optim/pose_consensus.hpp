@@ -21,6 +21,11 @@ struct PoseConsensusOptions {
   int iterations = 3;      ///< Gauss-Newton steps per sample, and per refinement
   S truncation = S(6);     ///< squared normalised error beyond which an observation counts as an outlier
   std::uint64_t seed = 1;  ///< same seed, same result
+  // How far from its prediction a pose is likely to be. Where little is seen, some samples of it fit any
+  // motion.
+  S prior_share = S(0);           ///< the prediction counts as this share of all observations; 0: not at all
+  S prior_translation = S(0.03);  ///< standard deviation [m]
+  S prior_rotation = S(0.03);     ///< standard deviation [rad]
 };
 
 template <Scalar S>
@@ -99,11 +104,20 @@ template <std::floating_point S>
   best.T_c_w = T_c_w_predicted;
   const std::size_t n = observations.size();
   const auto weight = [&](std::size_t k) { return weights.empty() ? S(1) : weights[k]; };
+  S prior_weight = S(0);
+  for (std::size_t k = 0; k < n; ++k) prior_weight += options.prior_share * weight(k);
+  const SE3<S> T_w_predicted = T_c_w_predicted.inverse();
+  const auto prior_chi2 = [&](const SE3<S>& T) {
+    const SE3<S> step = T * T_w_predicted;
+    return step.translation().squaredNorm() / (options.prior_translation * options.prior_translation) +
+           step.so3().log().squaredNorm() / (options.prior_rotation * options.prior_rotation);
+  };
   const auto judge = [&](const SE3<S>& T) {
-    S cost = S(0);
+    const auto motion = T.isometry();
+    S cost = prior_weight > S(0) ? prior_weight * std::min(options.truncation, prior_chi2(T)) : S(0);
     int inliers = 0;
     for (std::size_t k = 0; k < n; ++k) {
-      const S e = std::min(options.truncation, observation_chi2(camera, T, observations[k]));
+      const S e = std::min(options.truncation, observation_chi2(camera, motion, observations[k]));
       inliers += e < options.truncation ? 1 : 0;
       cost += weight(k) * e;
       if (cost >= best.cost) return false;
@@ -112,22 +126,26 @@ template <std::floating_point S>
     return true;
   };
   NormalEquations<S, 6> system;
+  PoseEquations<S> sums;
+  using Motion = Eigen::Transform<S, 3, Eigen::Isometry>;
   // Adds an observation whose squared normalised error is below the limit.
-  const auto add = [&](const PoseObservation<S>& o, const SE3<S>& T, S limit) {
+  const auto add = [&](const PoseObservation<S>& o, const Motion& motion, S limit) {
     Eigen::Matrix<S, 3, 1> r;
-    Eigen::Matrix<S, 3, 6> J;
-    if (!pose_residual(camera, T, o, r, &J) || !(observation_chi2(o, r) < limit)) return false;
-    system.add_row(J.row(0), r.x(), o.inv_sigma_px2);
-    system.add_row(J.row(1), r.y(), o.inv_sigma_px2);
-    if (measures_depth(o)) system.add_row(J.row(2), r.z(), o.inv_sigma_z2);
+    if (!pose_residual<S>(camera, motion, o, r, nullptr) || !(observation_chi2(o, r) < limit)) return false;
+    sums.add(camera, motion * o.p_w, r, o.inv_sigma_px2, measures_depth(o) ? o.inv_sigma_z2 : S(0));
     return true;
+  };
+  const auto solve = [&](Eigen::Matrix<S, 6, 1>& step) {
+    sums.store(system);
+    return system.solve(S(0), step);
   };
   const auto refine = [&] {
     Eigen::Matrix<S, 6, 1> step;
     for (int i = 0; i < options.iterations; ++i) {
-      system.set_zero();
-      for (const PoseObservation<S>& o : observations) (void)add(o, best.T_c_w, options.truncation);
-      if (!system.solve(S(0), step) || !judge(SE3<S>::exp(step) * best.T_c_w)) return;
+      sums.set_zero();
+      const Motion motion = best.T_c_w.isometry();
+      for (const PoseObservation<S>& o : observations) (void)add(o, motion, options.truncation);
+      if (!solve(step) || !judge(SE3<S>::exp(step) * best.T_c_w)) return;
     }
   };
   judge(T_c_w_predicted);
@@ -156,10 +174,11 @@ template <std::floating_point S>
     SE3<S> T = T_c_w_predicted;
     bool usable = true;
     for (int i = 0; i < options.iterations && usable; ++i) {
-      system.set_zero();
-      for (const std::size_t k : sample) usable = usable && add(observations[k], T, kNoLimit);
+      sums.set_zero();
+      const Motion motion = T.isometry();
+      for (const std::size_t k : sample) usable = usable && add(observations[k], motion, kNoLimit);
       Eigen::Matrix<S, 6, 1> step;
-      usable = usable && system.solve(S(0), step);
+      usable = usable && solve(step);
       if (usable) T = SE3<S>::exp(step) * T;
     }
     if (usable && judge(T)) refine();

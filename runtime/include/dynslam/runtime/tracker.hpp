@@ -51,6 +51,9 @@ struct TrackerOptions {
   double max_point_depth =
       8.0;                    ///< farther depth makes no map points [m]; noise grows with z^2, weights follow
   int min_inliers = 25;       ///< fewer: the pose is not accepted
+  double prior_share = 0.2;   ///< the predicted motion counts as this share of all matches
+  double prior_speed = 0.9;   ///< standard deviation of the change of velocity between two frames [m/s]
+  double prior_turn = 0.9;    ///< and of the angular velocity's [rad/s]
   double local_chi2 = 25;     ///< squared normalised error from which a match of the local map is dropped
   int local_keyframes = 12;   ///< neighbours whose points are searched
   int semantic_dilation = 9;  ///< pixels added around a-priori masks
