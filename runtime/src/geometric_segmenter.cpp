@@ -25,6 +25,7 @@ constexpr std::array<std::size_t, 7> kLags{1, 4, 8, 15, 25, 40, 60};
 constexpr std::size_t kOldLag = 8;    // a mover has left its own volume by then
 constexpr std::size_t kRestLag = 25;  // what has stayed for so long is at rest
 constexpr std::size_t kMinMatches = 30;
+constexpr std::uint8_t kPause = 3;  // frames after which a keypoint that was not to be found is searched again
 constexpr std::uint8_t kNeverSeen = 255;
 // What a view's mask rests on: motion that was measured, or the a-priori mask alone (a person may sit still).
 constexpr std::uint8_t kMoved = 1, kSuspected = 2;
@@ -39,13 +40,15 @@ GeometricSegmenter::GeometricSegmenter(const CameraConfig& camera, const Geometr
   const auto cells = static_cast<std::size_t>(width_ * height_);
   const auto& pinhole = camera_.model.pinhole();
   pixel_of_cell_.assign(cells, -1);
-  ray_.resize(cells);
+  ray_x_.resize(cells);
+  ray_y_.resize(cells);
   for (int j = 0; j < height_; ++j) {
     for (int i = 0; i < width_; ++i) {
       const auto c = static_cast<std::size_t>(j * width_ + i);
       const Eigen::Vector2d ideal((i + 0.5) * options_.stride - 0.5, (j + 0.5) * options_.stride - 0.5);
       const Eigen::Vector3d ray = pinhole.unproject(ideal, 1.0);
-      ray_[c] = ray.head<2>().cast<float>();
+      ray_x_[c] = static_cast<float>(ray.x());
+      ray_y_[c] = static_cast<float>(ray.y());
       const Eigen::Vector2d raw = camera_.model.distort_pixel(ideal);
       const int u = static_cast<int>(std::lround(raw.x())), v = static_cast<int>(std::lround(raw.y()));
       if (u >= 0 && v >= 0 && u < camera_.width && v < camera_.height)
@@ -55,6 +58,7 @@ GeometricSegmenter::GeometricSegmenter(const CameraConfig& camera, const Geometr
   cell_of_pixel_.assign(static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height),
                         -1);
   for (int v = 0; v < camera_.height; ++v) {
+    cv::Range rows(height_, 0);
     for (int u = 0; u < camera_.width; ++u) {
       const auto ideal = camera_.model.undistort_pixel(Eigen::Vector2d(u, v));
       if (!ideal) continue;
@@ -62,8 +66,10 @@ GeometricSegmenter::GeometricSegmenter(const CameraConfig& camera, const Geometr
       const int j = static_cast<int>(std::floor((ideal->y() + 0.5) / options_.stride));
       if (i >= 0 && j >= 0 && i < width_ && j < height_) {
         cell_of_pixel_[static_cast<std::size_t>(v * camera_.width + u)] = j * width_ + i;
+        rows = cv::Range(std::min(rows.start, j), std::max(rows.end, j + 1));
       }
     }
+    row_cells_.push_back(rows.end > 0 ? rows : cv::Range(0, 0));
   }
   for (auto* image : {&seed_, &barrier_, &mask_, &age_, &smooth_, &zone_, &verified_})
     image->resize(width_, height_);
@@ -108,6 +114,7 @@ void GeometricSegmenter::set_reference(const Frame& frame, const RgbdFrame& inpu
     reference_.patches.push_back(PatchMatcher::cut(pyramid, Eigen::Vector2d(f.u, f.v), f.octave));
     reference_.patches.back().depth = f.depth;
     reference_.ideal.push_back(ideal);
+    reference_.pause.push_back(0);
     reference_.points.push_back(camera_.model.pinhole().unproject(ideal, static_cast<double>(f.depth)));
   }
 }
@@ -157,6 +164,8 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyra
   const std::size_t n = reference_.pixels.size();
   std::vector<cv::Point2f> from, to, projected;  // of those that must be searched
   std::vector<std::size_t> index;
+  std::vector<Eigen::Matrix2d> warps;
+  PatchMatch match;
   struct Track {
     std::size_t reference;
     cv::Point2f to, projected;
@@ -173,7 +182,7 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyra
     tracks.push_back({i, found, expected, *ideal, masked, false});
   };
   // Most points are where the pose says. A patch looks there first; only who is not found there is searched
-  // by optical flow, there and back.
+  // by optical flow, and what that finds must look like the patch.
   const SE3<double> T_cur_ref = T_c_w * reference_.T_c_w.inverse();
   const Eigen::Matrix3d R = T_cur_ref.rotation_matrix();
   const auto& pinhole = camera_.model.pinhole();
@@ -185,37 +194,42 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyra
     const cv::Point2f expected(static_cast<float>(x->x()), static_cast<float>(x->y()));
     const PointPatch& patch = reference_.patches[i];
     Pinhole<double>::Jacobian J;
-    PatchMatch match;
-    if (patch.level >= 0 && pinhole.project(p_c, &J)) {
-      const auto z = static_cast<double>(patch.depth);
-      Eigen::Matrix<double, 3, 2> plane;  // faced the camera that cut it
-      plane.col(0) = R.col(0) * (z / pinhole.fx());
-      plane.col(1) = R.col(1) * (z / pinhole.fy());
-      if (PatchMatcher::match(image, patch, J * plane, *x, match) &&
-          (match.x - *x).norm() < options_.at_rest_px) {
-        add_track(i, {static_cast<float>(match.x.x()), static_cast<float>(match.x.y())}, expected);
-        continue;
-      }
+    if (patch.level < 0 || !pinhole.project(p_c, &J)) continue;
+    const auto z = static_cast<double>(patch.depth);
+    Eigen::Matrix<double, 3, 2> plane;  // faced the camera that cut it
+    plane.col(0) = R.col(0) * (z / pinhole.fx());
+    plane.col(1) = R.col(1) * (z / pinhole.fy());
+    const Eigen::Matrix2d warp = J * plane;
+    if (PatchMatcher::match(image, patch, warp, *x, match) && (match.x - *x).norm() < options_.at_rest_px) {
+      add_track(i, {static_cast<float>(match.x.x()), static_cast<float>(match.x.y())}, expected);
+      continue;
+    }
+    if (reference_.pause[i] > 0) {
+      --reference_.pause[i];
+      continue;
     }
     from.push_back(reference_.pixels[i]);
     to.push_back(expected);
     index.push_back(i);
+    warps.push_back(warp);
   }
   if (!from.empty()) {
     projected = to;
-    std::vector<cv::Point2f> back = from;
     const cv::Size window(options_.lk_window, options_.lk_window);
-    const cv::TermCriteria stop(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 20, 0.03);
+    const cv::TermCriteria stop(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 10, 0.1);
     const std::vector<cv::Mat> pyramid =
         input.flow_pyramid.empty() ? flow_pyramid(gray, options_) : input.flow_pyramid;
-    std::vector<std::uint8_t> found, returned;
+    std::vector<std::uint8_t> found;
     cv::calcOpticalFlowPyrLK(reference_.pyramid, pyramid, from, to, found, cv::noArray(), window,
                              options_.lk_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW);
-    cv::calcOpticalFlowPyrLK(pyramid, reference_.pyramid, to, back, returned, cv::noArray(), window,
-                             options_.lk_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW);
     for (std::size_t k = 0; k < from.size(); ++k) {
-      if (found[k] != 0 && returned[k] != 0 && cv::norm(back[k] - from[k]) <= options_.forward_backward)
+      const Eigen::Vector2d x(to[k].x, to[k].y);
+      if (found[k] != 0 && PatchMatcher::match(image, reference_.patches[index[k]], warps[k], x, match) &&
+          (match.x - x).norm() <= options_.confirmed_px) {
         add_track(index[k], to[k], projected[k]);
+      } else {
+        reference_.pause[index[k]] = kPause;
+      }
     }
   }
   statistics.lk_ms = watch.lap_ms();
@@ -310,18 +324,45 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyra
   statistics.residuals_ms = watch.lap_ms();
 }
 
+/// Where an earlier view had the surfaces of the cells first, first + 1, ...: cell (-1: outside) and depth.
+void GeometricSegmenter::find_cells(const SE3<double>& T_v_c, std::size_t first, std::span<int> cell,
+                                    std::span<float> z) const {
+  const Eigen::Matrix3f R = T_v_c.rotation_matrix().cast<float>();
+  const Eigen::Vector3f t = T_v_c.translation().cast<float>();
+  const auto& pinhole = camera_.model.pinhole();
+  const float per_cell = 1.0F / static_cast<float>(options_.stride);
+  const float fx = static_cast<float>(pinhole.fx()) * per_cell,
+              fy = static_cast<float>(pinhole.fy()) * per_cell;
+  const float cx = (static_cast<float>(pinhole.cx()) + 0.5F) * per_cell,
+              cy = (static_cast<float>(pinhole.cy()) + 0.5F) * per_cell;
+  const auto max_depth = static_cast<float>(options_.max_depth);
+  const auto width = static_cast<float>(width_), height = static_cast<float>(height_);
+  constexpr float kNear = 0.2F;
+  const float *depth = depth_.view().data() + first, *rx = ray_x_.data() + first, *ry = ray_y_.data() + first;
+  for (std::size_t k = 0; k < cell.size(); ++k) {  // without branches: several at once
+    const float d = depth[k];
+    const float pz = d * (R(2, 0) * rx[k] + R(2, 1) * ry[k] + R(2, 2)) + t.z();
+    const float inverse = 1.0F / pz;
+    const float x = fx * (d * (R(0, 0) * rx[k] + R(0, 1) * ry[k] + R(0, 2)) + t.x()) * inverse + cx;
+    const float y = fy * (d * (R(1, 0) * rx[k] + R(1, 1) * ry[k] + R(1, 2)) + t.y()) * inverse + cy;
+    const bool inside =
+        (d > 0.0F) & (d < max_depth) & (pz >= kNear) & (x >= 0.0F) & (y >= 0.0F) & (x < width) & (y < height);
+    // What is outside, or not a number, is not a place that an integer could hold.
+    const int i = static_cast<int>(inside ? x : 0.0F), j = static_cast<int>(inside ? y : 0.0F);
+    cell[k] = inside ? j * width_ + i : -1;
+    z[k] = pz;
+  }
+}
+
 void GeometricSegmenter::check_free_space(const SE3<double>& T_c_w) {
   const auto cells = pixel_of_cell_.size();
   std::vector<std::uint8_t> violations(cells, 0), support(cells, 0);
   age_.fill(kNeverSeen);
-  const auto& pinhole = camera_.model.pinhole();
-  const auto fx = static_cast<float>(pinhole.fx()), fy = static_cast<float>(pinhole.fy());
-  const auto cx = static_cast<float>(pinhole.cx()), cy = static_cast<float>(pinhole.cy());
-  const float per_cell = 1.0F / static_cast<float>(options_.stride);
-  const auto max_depth = static_cast<float>(options_.max_depth);
   const std::size_t oldest = views_.size();
   const std::size_t old_lag = std::max<std::size_t>(2, std::min(kOldLag, oldest));
-  const float* depth = depth_.view().data();
+  constexpr std::size_t kBlock = 64;
+  std::array<int, kBlock> cell;
+  std::array<float, kBlock> z;
   const std::uint8_t* smooth = smooth_.view().data();
   std::uint8_t* age = age_.view().data();
   for (std::size_t k = 0; k < kLags.size(); ++k) {
@@ -332,23 +373,19 @@ void GeometricSegmenter::check_free_space(const SE3<double>& T_c_w) {
     }
     const View& view = views_[lag - 1];
     const SE3<double> T_v_c = view.T_c_w * T_c_w.inverse();
-    const Eigen::Matrix3f R = T_v_c.rotation_matrix().cast<float>();
-    const Eigen::Vector3f t = T_v_c.translation().cast<float>();
     const float* nearest = view.bounds.nearest.view().data();
     const float* farthest = view.bounds.farthest.view().data();
     const std::uint8_t* dynamic = view.dynamic.view().data();
     const std::uint8_t* view_age = view.age.view().data();
     for (std::size_t c = 0; c < cells; ++c) {
-      const float z = depth[c];
-      if (!(z > 0.0F && z < max_depth)) continue;
-      const Eigen::Vector3f p = R * Eigen::Vector3f(ray_[c].x() * z, ray_[c].y() * z, z) + t;
-      if (p.z() < 0.2F) continue;
-      const float inverse = 1.0F / p.z();
-      const int i = static_cast<int>(std::floor((fx * p.x() * inverse + cx + 0.5F) * per_cell));
-      const int j = static_cast<int>(std::floor((fy * p.y() * inverse + cy + 0.5F) * per_cell));
-      if (i < 0 || j < 0 || i >= width_ || j >= height_) continue;
-      const auto q = static_cast<std::size_t>(j * width_ + i);
-      switch (free_space_evidence(p.z(), nearest[q], farthest[q], options_.margins)) {
+      const std::size_t b = c % kBlock;
+      if (b == 0) {
+        const std::size_t n = std::min(kBlock, cells - c);
+        find_cells(T_v_c, c, std::span(cell).first(n), std::span(z).first(n));
+      }
+      if (cell[b] < 0) continue;
+      const auto q = static_cast<std::size_t>(cell[b]);
+      switch (free_space_evidence(z[b], nearest[q], farthest[q], options_.margins)) {
         case DepthEvidence::violation:
           if (smooth[c] != 0 && lag > 1) ++violations[c];
           break;
@@ -457,6 +494,7 @@ void GeometricSegmenter::grow(GeometryStatistics& statistics) {
 void GeometricSegmenter::enlarge(const cv::Mat& depth, cv::Mat& mask) {
   mask = cv::Mat::zeros(camera_.height, camera_.width, CV_8UC1);
   const std::uint8_t* cells = mask_.view().data();
+  if (std::none_of(cells, cells + width_ * height_, [](std::uint8_t c) { return c != 0; })) return;
   const float* cell_depth = depth_.view().data();
   // Only at the rim of a region must pixels be looked at one by one.
   enum : std::uint8_t { kOutside, kRim, kInside };
@@ -474,9 +512,14 @@ void GeometricSegmenter::enlarge(const cv::Mat& depth, cv::Mat& mask) {
     }
   }
   const std::uint8_t* zone = zone_.data();
+  const auto near_region = [&](cv::Range rows) {
+    return std::any_of(zone + rows.start * width_, zone + rows.end * width_,
+                       [](std::uint8_t z) { return z != kOutside; });
+  };
   // Each pixel near the region follows the neighbouring cell whose depth is most like its own, which
   // restores the object's outline at full resolution.
   for (int v = 0; v < camera_.height; ++v) {
+    if (!near_region(row_cells_[static_cast<std::size_t>(v)])) continue;
     const float* z = depth.ptr<float>(v);
     std::uint8_t* out = mask.ptr<std::uint8_t>(v);
     for (int u = 0; u < camera_.width; ++u) {

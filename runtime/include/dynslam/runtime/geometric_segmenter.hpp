@@ -20,16 +20,16 @@ namespace dynslam::runtime {
 
 struct GeometryOptions {
   // Keypoints of the reference keyframe (paper, steps 5 to 8)
-  int lk_points = 400;            ///< keypoints tracked at most
-  int lk_window = 21;             ///< side of the Lucas-Kanade window [px]
-  int lk_levels = 3;              ///< pyramid levels above the first
-  double at_rest_px = 1.0;        ///< from where the pose expects it: needs no search by optical flow
-  double forward_backward = 1.0;  ///< largest forward-backward error [px]
-  double epipolar_px = 1.5;       ///< distance to the epipolar line that makes a mismatch [px]
-  double min_parallax_px = 4.0;   ///< below: F is not estimated (degenerate)
-  double nu = 5.0;                ///< degrees of freedom of the t-distribution
-  double tau = 0.25;              ///< static weight below which a keypoint is dynamic (numerator nu + d)
-  std::uint64_t seed = 1;         ///< of the RANSAC
+  int lk_points = 400;           ///< keypoints tracked at most
+  int lk_window = 21;            ///< side of the Lucas-Kanade window [px]
+  int lk_levels = 3;             ///< pyramid levels above the first
+  double at_rest_px = 1.0;       ///< from where the pose expects it: needs no search by optical flow
+  double confirmed_px = 1.0;     ///< between what the optical flow found and its patch: one and the same [px]
+  double epipolar_px = 1.5;      ///< distance to the epipolar line that makes a mismatch [px]
+  double min_parallax_px = 4.0;  ///< below: F is not estimated (degenerate)
+  double nu = 5.0;               ///< degrees of freedom of the t-distribution
+  double tau = 0.25;             ///< static weight below which a keypoint is dynamic (numerator nu + d)
+  std::uint64_t seed = 1;        ///< of the RANSAC
   // Dense free-space check
   int stride = 4;          ///< pixels per cell of the reduced grid
   double max_depth = 5.0;  ///< metres; beyond, depth is too noisy to judge
@@ -102,6 +102,7 @@ class GeometricSegmenter {
     std::vector<PointPatch> patches;
     std::vector<Eigen::Vector2d> ideal;
     std::vector<Eigen::Vector3d> points;  ///< in its camera's frame [m]
+    std::vector<std::uint8_t> pause;      ///< frames for which it is not searched
     cv::Mat gray;
     SE3<double> T_c_w;
   };
@@ -115,6 +116,7 @@ class GeometricSegmenter {
   void reduce(const cv::Mat& depth);
   void track_reference(const RgbdFrame& input, const ImagePyramid& image, const SE3<double>& T_c_w,
                        const cv::Mat& prior, GeometryStatistics& statistics);
+  void find_cells(const SE3<double>& T_v_c, std::size_t first, std::span<int> cell, std::span<float> z) const;
   void check_free_space(const SE3<double>& T_c_w);
   void add_keypoint_seeds();
   void grow(GeometryStatistics& statistics);
@@ -126,7 +128,8 @@ class GeometricSegmenter {
   int width_, height_;                // of the reduced grid
   std::vector<int> pixel_of_cell_;    // raw pixel index per cell, -1 outside
   std::vector<int> cell_of_pixel_;    // cell index per raw pixel, -1 outside
-  std::vector<Eigen::Vector2f> ray_;  // per cell: x/z, y/z
+  std::vector<cv::Range> row_cells_;  // rows of cells that a row of raw pixels meets
+  std::vector<float> ray_x_, ray_y_;  // per cell: x/z, y/z
   Reference reference_;
   std::deque<View> views_;   // newest first
   std::vector<View> spare_;  // memory of dropped views
