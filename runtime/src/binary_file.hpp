@@ -67,7 +67,7 @@ class BinaryReader {
       for (int i = 0; i < 4; ++i) q.coeffs()(i) = get<double>();
       require(std::abs(q.norm() - 1) < 1e-6, "holds a rotation that is none");
       const auto t = get<Eigen::Vector3d>();
-      return SE3<double>(q, t);
+      return SE3<double>(SO3<double>::from_unit(q), t);
     } else if constexpr (std::is_same_v<T, std::string>) {
       const std::size_t n = count(1);
       std::string text = bytes_.substr(at_, n);

@@ -400,6 +400,14 @@ void Tracker::weigh_by_surface(const SE3<double>& T_c_w) {
   surface_weights<double>(T_c_w, observations_, options, weights_);
 }
 
+bool Tracker::reachable(const SE3<double>& T_c_w, double t) const {
+  if (last_.features.empty()) return true;  // a map was loaded: the camera may be anywhere in it
+  const SE3<double> step = T_c_w * last_.T_c_w.inverse();
+  const double interval = t - last_.t;
+  return step.translation().norm() <= options_.max_speed * interval &&
+         step.so3().log().norm() <= options_.max_turn * interval;
+}
+
 bool Tracker::relocalise(Frame& frame, const cv::Mat& depth, SE3<double>& T_c_w) {
   places_.query(frame, places_found_);
   if (places_found_.size() > static_cast<std::size_t>(options_.relocalisation_candidates))
@@ -418,7 +426,7 @@ bool Tracker::relocalise(Frame& frame, const cv::Mat& depth, SE3<double>& T_c_w)
       frame.point[static_cast<std::size_t>(feature)] = point;
     match_local(frame, found->T_c_w, depth);
     const PoseResult<double> result = optimise(frame, found->T_c_w, true);
-    if (result.inliers < 2 * options_.min_inliers) continue;
+    if (result.inliers < 2 * options_.min_inliers || !reachable(result.T_c_w, frame.t)) continue;
     T_c_w = result.T_c_w;
     return true;
   }
@@ -519,11 +527,12 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   // Initial pose: points outside the a-priori mask, first near where the last frame's points are
   // expected, then the local map's.
   bool ok = false;
+  int wanted = 2 * options_.min_inliers;  // inliers of the local map that a weak start needs, as a place does
   SE3<double> T_c_w;
-  if (lost_frames_ == 0) {
-    const SE3<double> predicted = velocity_ * last_.T_c_w;
+  if (lost_frames_ < options_.coasting_frames) {
+    const SE3<double> predicted = SE3<double>::exp(velocity_.log() * (lost_frames_ + 1)) * last_.T_c_w;
     for (const float radius : {12.0F, 30.0F}) {
-      if (match_last(frame, predicted, radius) < options_.min_inliers) continue;
+      if (match_last(frame, predicted, radius) < options_.weak_inliers) continue;
       refine_matches(frame, predicted, input.depth);
       gather(frame);
       PoseConsensusOptions<double> consensus;
@@ -542,9 +551,12 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
               .T_c_w;
       keep_consistent(frame, start, consensus.truncation);
       const PoseResult<double> pose = optimise(frame, start, true);
+      if (pose.inliers < options_.weak_inliers) continue;
       T_c_w = pose.T_c_w;
-      ok = pose.inliers >= options_.min_inliers;
-      if (ok) break;
+      ok = true;
+      if (pose.inliers < options_.min_inliers) continue;
+      wanted = options_.min_inliers;
+      break;
     }
   }
   time_of(result.times, Stage::initial_pose) = watch.lap_ms();
@@ -557,7 +569,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
       keep_consistent(frame, T_c_w, options_.local_chi2);
     }
     const PoseResult<double> pose = optimise(frame, T_c_w, true);
-    ok = pose.inliers >= options_.min_inliers;
+    ok = pose.inliers >= wanted;
     T_c_w = pose.T_c_w;
     result.inliers = pose.inliers;
   }

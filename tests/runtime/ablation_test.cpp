@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What each source of masks is worth, in figures. Sanitizers leave it out: the same code runs in the other
-// tests.
+// What each source of masks is worth, and what hard input costs, in figures. Sanitizers leave it out: the
+// same code runs in the other tests.
 #include <doctest/doctest.h>
 
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "dynslam/runtime/evaluate.hpp"
 #include "dynslam/runtime/pipeline.hpp"
 #include "dynslam/runtime/synth.hpp"
+#include "dynslam/runtime/tum_reader.hpp"
 #include "run_fixture.hpp"
 
 using namespace dynslam;
@@ -75,4 +78,22 @@ TEST_CASE("a carried board with most of the corners in view is not taken for the
   MESSAGE("ATE RMSE: none " << none << " geometric " << geometric);
   CHECK(none > 0.05);  // follows the board
   CHECK(geometric < 0.015);
+}
+
+TEST_CASE("frames that a jerk has smeared are tracked, and nearly in the right place") {
+  const test::WalkingSequence sequence(60);
+  const test::TemporaryFolder out;
+  const auto frames = load_sequence(sequence.path).frames;
+  for (const std::size_t i : {15, 30, 45}) {
+    cv::Mat image = cv::imread(frames[i].rgb.string());
+    cv::blur(image, image, {27, 1});
+    cv::imwrite(frames[i].rgb.string(), image);
+  }
+  const RunSummary summary =
+      run_sequence(options_for(sequence.path, out.path, DynamicsMode::geometric), kNeverStop);
+  CHECK(summary.lost == 0);
+  const auto error =
+      evaluate_trajectory(out.path / "trajectory.txt", sequence.path / "groundtruth.txt").ate.translation;
+  CHECK(error.rmse < 0.01);
+  CHECK(error.max < 0.05);
 }

@@ -23,6 +23,13 @@ class SO3 {
   /// Requires a rotation matrix.
   explicit SO3(const Matrix3& R) : q_(R) { q_.normalize(); }
 
+  /// A rotation from the quaternion() of another one, to the last bit: normalising again may change it.
+  [[nodiscard]] static SO3 from_unit(const Quaternion& q) {
+    SO3 R;
+    R.q_ = q;
+    return R;
+  }
+
   [[nodiscard]] static Matrix3 hat(const Vector3& w) {
     Matrix3 m;
     m << S(0), -w.z(), w.y(), w.z(), S(0), -w.x(), -w.y(), w.x(), S(0);

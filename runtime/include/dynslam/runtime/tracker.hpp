@@ -51,6 +51,8 @@ struct TrackerOptions {
   double max_point_depth =
       8.0;                    ///< farther depth makes no map points [m]; noise grows with z^2, weights follow
   int min_inliers = 25;       ///< fewer: the pose is not accepted
+  int weak_inliers = 8;       ///< of the last frame's points: a start whose proof is the local map
+  int coasting_frames = 3;    ///< lost for fewer: the motion that was is tried before the places
   double prior_share = 0.2;   ///< the predicted motion counts as this share of all matches
   double prior_speed = 0.9;   ///< standard deviation of the change of velocity between two frames [m/s]
   double prior_turn = 0.9;    ///< and of the angular velocity's [rad/s]
@@ -75,6 +77,8 @@ struct TrackerOptions {
   LoopOptions loops;
   PlaceOptions relocalisation;
   int relocalisation_candidates = 5;  ///< keyframes tried per lost frame
+  double max_speed = 4;               ///< of a hand [m/s]: farther, a place that looks right is another one
+  double max_turn = 8;                ///< [rad/s]
   double redundant_keyframe = 0.9;    ///< of its points seen by three others: a keyframe goes
   int spare_keyframes = 5;            ///< newest keyframes, which never go
   int reference_distance = 5;         ///< keyframes between the present one and the reference (paper, step 4)
@@ -166,6 +170,7 @@ class Tracker {
   PoseResult<double> optimise(Frame& frame, const SE3<double>& start, bool drop_outliers);
   /// Fills weights_ with the surface that each of observations_ stands for.
   void weigh_by_surface(const SE3<double>& T_c_w);
+  [[nodiscard]] bool reachable(const SE3<double>& T_c_w, double t) const;
   bool relocalise(Frame& frame, const cv::Mat& depth, SE3<double>& T_c_w);
   /// Waits for the bundle adjustment, if one runs, and uses it. @return the correction, see follow()
   SE3<double> settle();
