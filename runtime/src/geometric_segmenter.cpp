@@ -25,7 +25,8 @@ constexpr std::array<std::size_t, 7> kLags{1, 4, 8, 15, 25, 40, 60};
 constexpr std::size_t kOldLag = 8;    // a mover has left its own volume by then
 constexpr std::size_t kRestLag = 25;  // what has stayed for so long is at rest
 constexpr std::size_t kMinMatches = 30;
-constexpr std::uint8_t kPause = 3;  // frames after which a keypoint that was not to be found is searched again
+constexpr std::uint8_t kPause =
+    3;  // frames after which a keypoint that was not to be found is searched again
 constexpr std::uint8_t kNeverSeen = 255;
 // What a view's mask rests on: motion that was measured, or the a-priori mask alone (a person may sit still).
 constexpr std::uint8_t kMoved = 1, kSuspected = 2;
@@ -185,7 +186,6 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyra
   // by optical flow, and what that finds must look like the patch.
   const SE3<double> T_cur_ref = T_c_w * reference_.T_c_w.inverse();
   const Eigen::Matrix3d R = T_cur_ref.rotation_matrix();
-  const auto& pinhole = camera_.model.pinhole();
   for (std::size_t i = 0; i < n; ++i) {
     const Eigen::Vector3d p_c = T_cur_ref * reference_.points[i];
     const auto x = camera_.model.project(p_c);
@@ -193,14 +193,9 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyra
       continue;
     const cv::Point2f expected(static_cast<float>(x->x()), static_cast<float>(x->y()));
     const PointPatch& patch = reference_.patches[i];
-    Pinhole<double>::Jacobian J;
-    if (patch.level < 0 || !pinhole.project(p_c, &J)) continue;
-    const auto z = static_cast<double>(patch.depth);
-    Eigen::Matrix<double, 3, 2> plane;  // faced the camera that cut it
-    plane.col(0) = R.col(0) * (z / pinhole.fx());
-    plane.col(1) = R.col(1) * (z / pinhole.fy());
-    const Eigen::Matrix2d warp = J * plane;
-    if (PatchMatcher::match(image, patch, warp, *x, match) && (match.x - *x).norm() < options_.at_rest_px) {
+    const auto warp = patch_warp(camera_.model.pinhole(), patch, p_c, R);
+    if (patch.level < 0 || !warp) continue;
+    if (PatchMatcher::match(image, patch, *warp, *x, match) && (match.x - *x).norm() < options_.at_rest_px) {
       add_track(i, {static_cast<float>(match.x.x()), static_cast<float>(match.x.y())}, expected);
       continue;
     }
@@ -211,7 +206,7 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyra
     from.push_back(reference_.pixels[i]);
     to.push_back(expected);
     index.push_back(i);
-    warps.push_back(warp);
+    warps.push_back(*warp);
   }
   if (!from.empty()) {
     projected = to;

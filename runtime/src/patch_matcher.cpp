@@ -18,6 +18,17 @@ constexpr float kRounding = 1e-4F;    // of coordinates inside a patch [px]
 
 }  // namespace
 
+std::optional<Eigen::Matrix2d> patch_warp(const Pinhole<double>& camera, const PointPatch& patch,
+                                          const Eigen::Vector3d& p_c, const Eigen::Matrix3d& R) {
+  Pinhole<double>::Jacobian J;
+  if (!camera.project(p_c, &J)) return std::nullopt;
+  const auto z = static_cast<double>(patch.depth);
+  Eigen::Matrix<double, 3, 2> plane;
+  plane.col(0) = R.col(0) * (z / camera.fx());
+  plane.col(1) = R.col(1) * (z / camera.fy());
+  return J * plane;
+}
+
 PointPatch PatchMatcher::cut(const ImagePyramid& pyramid, const Eigen::Vector2d& x, int level) {
   PointPatch patch;
   const cv::Mat& image = pyramid.levels[static_cast<std::size_t>(level)];

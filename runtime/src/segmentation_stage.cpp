@@ -149,7 +149,7 @@ std::optional<SegmentedFrame> SegmentationStage::next() {
 }
 
 void SegmentationStage::work(const std::stop_token& stop) {
-  step_back(StepBack::fully);
+  step_back(StepBack::far);
   try {
     while (!stop.stop_requested()) {
       auto frame = process();

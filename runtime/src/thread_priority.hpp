@@ -7,7 +7,7 @@ namespace dynslam::runtime {
 /// goes first; no other thread can starve for good, as the tracker waits for what each of them makes.
 enum class StepBack {
   some,  ///< decoding, mapping, bundle adjustment: a third of the tracker's share where both want the core
-  fully  ///< the network: runs where nobody else wants to
+  far    ///< the network: a tenth. (The idle class would stop it, and the run, beside a busy program.)
 };
 
 /// Changes the calling thread's priority. A refusal by the system costs speed and nothing else.

@@ -263,18 +263,10 @@ void Tracker::keep_consistent(Frame& frame, const SE3<double>& T_c_w, double bou
 bool Tracker::align(const MapPoint& p, const SE3<double>& T_c_w, const Eigen::Vector2d& start,
                     PatchMatch& out) const {
   if (p.patch.level < 0) return false;
-  // The patch is taken for a plane that faced the camera which cut it.
-  const auto& pinhole = camera_.model.pinhole();
-  const Eigen::Vector3d p_c = T_c_w * p.p_w;
   const SE3<double> T_ref_w = map_.pose(p.patch.keyframe);
   const Eigen::Matrix3d R = (T_c_w.so3() * T_ref_w.so3().inverse()).matrix();
-  Pinhole<double>::Jacobian J;
-  if (!pinhole.project(p_c, &J)) return false;
-  const auto z = static_cast<double>(p.patch.depth);
-  Eigen::Matrix<double, 3, 2> plane;
-  plane.col(0) = R.col(0) * (z / pinhole.fx());
-  plane.col(1) = R.col(1) * (z / pinhole.fy());
-  return PatchMatcher::match(features_->pyramid, p.patch, J * plane, start, out);
+  const auto warp = patch_warp(camera_.model.pinhole(), p.patch, T_c_w * p.p_w, R);
+  return warp && PatchMatcher::match(features_->pyramid, p.patch, *warp, start, out);
 }
 
 int Tracker::match_local(Frame& frame, const SE3<double>& T_c_w, const cv::Mat& depth) {

@@ -84,7 +84,7 @@ TEST_CASE("frames that a jerk has smeared are tracked, and nearly in the right p
   const test::WalkingSequence sequence(60);
   const test::TemporaryFolder out;
   const auto frames = load_sequence(sequence.path).frames;
-  for (const std::size_t i : {15, 30, 45}) {
+  for (const std::size_t i : {15U, 30U, 45U}) {
     cv::Mat image = cv::imread(frames[i].rgb.string());
     cv::blur(image, image, {27, 1});
     cv::imwrite(frames[i].rgb.string(), image);

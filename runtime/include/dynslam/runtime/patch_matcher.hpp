@@ -5,7 +5,10 @@
 #include <array>
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <vector>
+
+#include "dynslam/geometry/pinhole.hpp"
 
 namespace dynslam::runtime {
 
@@ -38,6 +41,14 @@ struct PatchMatch {
   int level = 0;
   float correlation = 0;
 };
+
+/// Change of an offset in a patch's image to the present one, in pixels of level 0. The patch is taken for a
+/// plane that faced the camera which cut it; nullopt where the point is not in front of the present one.
+/// @param p_c  the point in the present camera's frame [m]
+/// @param R    rotation from the camera that cut the patch to the present one
+[[nodiscard]] std::optional<Eigen::Matrix2d> patch_warp(const Pinhole<double>& camera,
+                                                        const PointPatch& patch, const Eigen::Vector3d& p_c,
+                                                        const Eigen::Matrix3d& R);
 
 /// Finds map points in an image by their patches, with sub-pixel accuracy.
 class PatchMatcher {
