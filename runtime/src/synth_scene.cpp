@@ -180,10 +180,10 @@ cv::Mat carton(Random& r) {
 }  // namespace
 
 double Random::uniform(double low, double high) {
-  return low + (high - low) * static_cast<double>(bits() >> 11) * 0x1.0p-53;
+  return low + (high - low) * generator_.unit<double>();
 }
 int Random::integer(int low, int high) {
-  return low + static_cast<int>(bits() % static_cast<std::uint64_t>(high - low + 1));
+  return low + static_cast<int>(generator_.index(static_cast<std::size_t>(high - low + 1)));
 }
 double Random::normal() {  // sum of uniforms: no transcendental functions, close enough for pictures
   double sum = -6;

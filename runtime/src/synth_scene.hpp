@@ -19,7 +19,6 @@ namespace dynslam::runtime::synth {
 class Random {
  public:
   explicit Random(std::uint64_t seed) : generator_(seed) {}
-  std::uint64_t bits() { return generator_.next(); }
   double uniform(double low, double high);
   int integer(int low, int high);  ///< both ends included
   double normal();

@@ -74,8 +74,21 @@ struct PoseWorkspace {
   std::vector<S> scratch;
 };
 
-/// Residual [u - x_u, v - x_v, p_z - depth] of a camera-frame point and its derivative with respect
-/// to the left increment [upsilon; omega] of T_c_w (rows 0-1: Eq 5, row 2: Eq 6).
+/// Residual [u - x_u, v - x_v, p_z - depth] of the camera-frame point p.
+/// @param dx  where given, the derivative of the pixel by p
+/// @return false when the point is not in front of the camera
+template <Scalar S>
+[[nodiscard]] bool point_residual(const Pinhole<S>& camera, const Eigen::Matrix<S, 3, 1>& p,
+                                  const PoseObservation<S>& o, Eigen::Matrix<S, 3, 1>& r,
+                                  typename Pinhole<S>::Jacobian* dx = nullptr) {
+  const auto x = camera.project(p, dx);
+  if (!x) return false;
+  r << x->x() - o.x.x(), x->y() - o.x.y(), p.z() - o.depth;
+  return true;
+}
+
+/// The same of a point of the world under a pose, and its derivative with respect to the left increment
+/// [upsilon; omega] of T_c_w (rows 0-1: Eq 5, row 2: Eq 6).
 /// @param T_c_w  SE3, or its isometry() where many points follow
 /// @return false when the point is not in front of the camera
 template <Scalar S, class Transform>
@@ -84,9 +97,7 @@ template <Scalar S, class Transform>
                                  Eigen::Matrix<S, 3, 6>* J) {
   const Eigen::Matrix<S, 3, 1> p = T_c_w * o.p_w;
   typename Pinhole<S>::Jacobian dx;
-  const auto x = camera.project(p, J != nullptr ? &dx : nullptr);
-  if (!x) return false;
-  r << x->x() - o.x.x(), x->y() - o.x.y(), p.z() - o.depth;
+  if (!point_residual(camera, p, o, r, J != nullptr ? &dx : nullptr)) return false;
   if (J != nullptr) {  // d p / d delta = [I, -hat(p)]
     Eigen::Matrix<S, 3, 6> dp;
     dp << S(1), S(0), S(0), S(0), p.z(), -p.y(), S(0), S(1), S(0), -p.z(), S(0), p.x(), S(0), S(0), S(1),
@@ -132,7 +143,7 @@ class PoseEquations {
   void set_zero() { *this = PoseEquations(); }
 
   /// @param p  camera-frame point, in front of the camera
-  /// @param r  its residual (pose_residual)
+  /// @param r  its residual (point_residual)
   /// @param pixel_weight, depth_weight  of the squares of r's first two components and of the third
   void add(const Pinhole<S>& camera, const Vector3& p, const Vector3& r, const S& pixel_weight,
            const S& depth_weight) {
@@ -222,12 +233,13 @@ PoseResult<S> optimize_pose(const Pinhole<S>& camera, std::span<const PoseObserv
     for (std::size_t i = 0; i < n; ++i) {
       if (workspace.inlier[i] == 0) continue;
       const PoseObservation<S>& o = observations[i];
-      if (!pose_residual<S>(camera, motion, o, r, nullptr)) return std::numeric_limits<S>::infinity();
+      const Eigen::Matrix<S, 3, 1> p = motion * o.p_w;
+      if (!point_residual(camera, p, o, r)) return std::numeric_limits<S>::infinity();
       const bool depth = has_depth(o);
       const S s = chi2(o, r, depth);
       cost += kernel.rho(s);
       const S weight = kernel.weight(s);
-      sums.add(camera, motion * o.p_w, r, weight * pixel_information * o.inv_sigma_px2,
+      sums.add(camera, p, r, weight * pixel_information * o.inv_sigma_px2,
                depth ? weight * o.inv_sigma_z2 : S(0));
     }
     sums.store(system);

@@ -131,8 +131,9 @@ template <std::floating_point S>
   // Adds an observation whose squared normalised error is below the limit.
   const auto add = [&](const PoseObservation<S>& o, const Motion& motion, S limit) {
     Eigen::Matrix<S, 3, 1> r;
-    if (!pose_residual<S>(camera, motion, o, r, nullptr) || !(observation_chi2(o, r) < limit)) return false;
-    sums.add(camera, motion * o.p_w, r, o.inv_sigma_px2, measures_depth(o) ? o.inv_sigma_z2 : S(0));
+    const Eigen::Matrix<S, 3, 1> p = motion * o.p_w;
+    if (!point_residual(camera, p, o, r) || !(observation_chi2(o, r) < limit)) return false;
+    sums.add(camera, p, r, o.inv_sigma_px2, measures_depth(o) ? o.inv_sigma_z2 : S(0));
     return true;
   };
   const auto solve = [&](Eigen::Matrix<S, 6, 1>& step) {
