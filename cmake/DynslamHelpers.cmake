@@ -27,9 +27,9 @@ function(dynslam_add_interop name)
   target_link_libraries(dynslam_${name} INTERFACE dynslam::core ${ARGN})
 endfunction()
 
-# Installs a target with its headers as component dynslam_NAME, exported as dynslam::NAME.
-function(dynslam_install name target)
-  install(TARGETS ${target} EXPORT dynslam-${name} COMPONENT dynslam_${name}
+# Installs targets with their headers as component dynslam_NAME, each exported as dynslam::(its name).
+function(dynslam_install name)
+  install(TARGETS ${ARGN} EXPORT dynslam-${name} COMPONENT dynslam_${name}
     ARCHIVE COMPONENT dynslam_${name} FILE_SET HEADERS COMPONENT dynslam_${name})
   install(EXPORT dynslam-${name} FILE dynslam-${name}.cmake NAMESPACE dynslam::
     DESTINATION ${dynslam_cmake_dir} COMPONENT dynslam_${name})

@@ -2,11 +2,11 @@
 //
 // Example 1: how far is an estimated trajectory from the truth?
 //
-// A camera drives once around a circle. An estimator saw the same motion in a frame of its own, rotated and moved
-// against the world, its positions disturbed by noise of known size, its clock a little off. The example associates
-// the two by time, aligns them with Horn's method (the rigid motion that minimises the sum of squared distances),
-// and reports the absolute trajectory error. Without alignment the error would be metres; with it, it must come
-// close to the noise that was put in.
+// A camera drives once around a circle. An estimator saw the same motion in a frame of its own, rotated and
+// moved against the world, its positions disturbed by noise of known size, its clock a little off. The
+// example associates the two by time, aligns them with Horn's method (the rigid motion that minimises the sum
+// of squared distances), and reports the absolute trajectory error. Without alignment the error would be
+// metres; with it, it must come close to the noise that was put in.
 #include <cmath>
 #include <cstdio>
 #include <random>
@@ -39,7 +39,8 @@ int main() {
     const SE3d T_w_c(rotation, centre);
     truth.push_back({kPeriod * i, T_w_c});
 
-    const Eigen::Vector3d disturbed = centre + Eigen::Vector3d(normal(engine), normal(engine), normal(engine));
+    const Eigen::Vector3d disturbed =
+        centre + Eigen::Vector3d(normal(engine), normal(engine), normal(engine));
     estimate.push_back({kPeriod * i + 0.004, T_w_e.inverse() * SE3d(rotation, disturbed)});
   }
 

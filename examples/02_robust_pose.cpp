@@ -2,9 +2,9 @@
 //
 // Example 2: the pose of a camera from known points, one in four of which has moved.
 //
-// Three hundred points are seen with half a pixel of noise and the depth noise of a structured-light camera. A
-// quarter of them belongs to something that moved by 20 cm since it was mapped: their pixels all agree with one
-// another, on a wrong motion. A robust kernel and the chi-square test of each round leave them out.
+// Three hundred points are seen with half a pixel of noise and the depth noise of a structured-light camera.
+// A quarter of them belongs to something that moved by 20 cm since it was mapped: their pixels all agree with
+// one another, on a wrong motion. A robust kernel and the chi-square test of each round leave them out.
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
@@ -40,7 +40,8 @@ int main() {
   std::vector<dynslam::PoseObservation<double>> observations;
   std::vector<bool> moved;
   while (observations.size() < kPoints) {
-    const Eigen::Vector3d p_w = T_w_c * camera.unproject(Eigen::Vector2d(u(engine), v(engine)), depth(engine));
+    const Eigen::Vector3d p_w =
+        T_w_c * camera.unproject(Eigen::Vector2d(u(engine), v(engine)), depth(engine));
     const bool moves = observations.size() % 4 == 0;
     const Eigen::Vector3d p_c = T_c_w * (moves ? Eigen::Vector3d(p_w + motion) : p_w);
     const auto x = camera.project(p_c);
@@ -60,8 +61,8 @@ int main() {
   const SE3d initial = SE3d::exp((Vector6() << 0.03, -0.03, 0.02, 0.03, 0.02, -0.03).finished()) * T_c_w;
   const dynslam::TDistribution<double> kernel;
   dynslam::PoseWorkspace<double> workspace;
-  const auto result =
-      dynslam::optimize_pose<double>(camera, observations, initial, dynslam::PoseOptions<double>(), kernel, workspace);
+  const auto result = dynslam::optimize_pose<double>(camera, observations, initial,
+                                                     dynslam::PoseOptions<double>(), kernel, workspace);
 
   std::size_t kept_moving = 0;
   std::size_t lost_static = 0;
@@ -72,10 +73,10 @@ int main() {
   }
   const Vector6 error = (result.T_c_w * T_w_c).log();
   const double sigma = std::sqrt(result.covariance.diagonal().head<3>().sum());
-  std::printf("inliers       %d of %zu (%zu that moved, %zu static ones lost)\n", result.inliers, kPoints, kept_moving,
-              lost_static);
-  std::printf("translation   %.2f mm off (one sigma by the covariance: %.2f mm)\n", 1e3 * error.head<3>().norm(),
-              1e3 * sigma);
+  std::printf("inliers       %d of %zu (%zu that moved, %zu static ones lost)\n", result.inliers, kPoints,
+              kept_moving, lost_static);
+  std::printf("translation   %.2f mm off (one sigma by the covariance: %.2f mm)\n",
+              1e3 * error.head<3>().norm(), 1e3 * sigma);
   std::printf("rotation      %.4f deg off\n", error.tail<3>().norm() * 180.0 / 3.141592653589793);
 
   const bool right = kept_moving == 0 && lost_static < kPoints / 20 && error.head<3>().norm() < 0.005;

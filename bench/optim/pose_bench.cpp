@@ -26,7 +26,8 @@ void optimize(benchmark::State& state) {
   const dynslam::TDistribution<S> kernel;
   dynslam::PoseWorkspace<S> workspace;
   const auto solve = [&] {
-    return dynslam::optimize_pose<S>(camera, problem.observations, problem.initial, options, kernel, workspace);
+    return dynslam::optimize_pose<S>(camera, problem.observations, problem.initial, options, kernel,
+                                     workspace);
   };
 
   const auto check = solve();

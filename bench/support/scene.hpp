@@ -18,8 +18,8 @@ template <class S>
   return Pinhole<S>(S(535.4), S(539.2), S(320.1), S(247.6));
 }
 
-/// Points in the view of a camera at `T_c_w`, their pixels with noise of at most half a pixel, and a share of gross
-/// outliers, which tell of another place in the image.
+/// Points in the view of a camera at `T_c_w`, their pixels with noise of at most half a pixel, and a share of
+/// gross outliers, which tell of another place in the image.
 template <class S>
 struct PoseProblem {
   SE3<S> T_c_w;

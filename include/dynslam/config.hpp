@@ -39,9 +39,9 @@ namespace dynslam {
 #endif
 
 #if DYNSLAM_ENABLE_ASSERTS
-#define DYNSLAM_ASSERT(condition, message)                                 \
-  (static_cast<bool>(condition)                                            \
-       ? static_cast<void>(0)                                              \
+#define DYNSLAM_ASSERT(condition, message) \
+  (static_cast<bool>(condition)            \
+       ? static_cast<void>(0)              \
        : static_cast<void>(DYNSLAM_ASSERT_HANDLER(#condition, message, __FILE__, __LINE__)))
 #else
 /// sizeof: the condition is compiled, so that it cannot rot, and never evaluated.

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/text_lines.hpp"
+#include "dynslam/runtime/io/text_lines.hpp"
 
 namespace dynslam::app {
 namespace {
@@ -60,7 +60,8 @@ std::vector<CLI::ConfigItem> ConfigFile::from_config(std::istream& in) const {
     if (line.front() == '[' && line.back() == ']') {
       const std::string section(trim(line.substr(1, line.size() - 2)));
       const auto named = [&](const CLI::App* c) { return c->get_name() == section; };
-      if (std::as_const(app_).get_subcommands(named).empty()) fail(fmt::format("unknown command '{}'", section));
+      if (std::as_const(app_).get_subcommands(named).empty())
+        fail(fmt::format("unknown command '{}'", section));
       applies = section == command.get_name();
       continue;
     }

@@ -18,13 +18,13 @@
 #include <system_error>
 
 #include "config_file.hpp"
-#include "dynslam/runtime/ablate.hpp"
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/evaluate.hpp"
-#include "dynslam/runtime/pipeline.hpp"
-#include "dynslam/runtime/synth.hpp"
-#include "dynslam/runtime/text_lines.hpp"
-#include "dynslam/runtime/trajectory_io.hpp"
+#include "dynslam/runtime/evaluation/ablate.hpp"
+#include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/io/text_lines.hpp"
+#include "dynslam/runtime/io/trajectory_io.hpp"
+#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/synth/synth.hpp"
 #include "map_command.hpp"
 
 namespace {

@@ -14,10 +14,10 @@
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/image_io.hpp"
-#include "dynslam/runtime/map_io.hpp"
-#include "dynslam/runtime/map_render.hpp"
-#include "dynslam/runtime/text_lines.hpp"
+#include "dynslam/runtime/evaluation/map_render.hpp"
+#include "dynslam/runtime/io/image_io.hpp"
+#include "dynslam/runtime/io/map_io.hpp"
+#include "dynslam/runtime/io/text_lines.hpp"
 #include "dynslam/semantic/map_query.hpp"
 
 namespace dynslam::app {

@@ -48,14 +48,15 @@ TEST_CASE_TEMPLATE("depth bounds equal a brute-force search of each neighbourhoo
   CHECK(invalid > 0);
 }
 
-TEST_CASE_TEMPLATE("a point in formerly free space contradicts the view; one behind the surface does not", S, float, double) {
+TEST_CASE_TEMPLATE("a point in formerly free space contradicts the view; one behind the surface does not", S,
+                   float, double) {
   const FreeSpaceMargins<S> margins;
   const S wall = S(3);
   CHECK(free_space_evidence(S(1.5), wall, wall, margins) == DepthEvidence::violation);
   CHECK(free_space_evidence(wall, wall, wall, margins) == DepthEvidence::consistent);
   CHECK(free_space_evidence(S(4), wall, wall, margins) == DepthEvidence::unknown);
-  CHECK(free_space_evidence(S(1.5), std::numeric_limits<S>::quiet_NaN(), std::numeric_limits<S>::quiet_NaN(), margins) ==
-        DepthEvidence::unknown);
+  CHECK(free_space_evidence(S(1.5), std::numeric_limits<S>::quiet_NaN(), std::numeric_limits<S>::quiet_NaN(),
+                            margins) == DepthEvidence::unknown);
   // Between the two surfaces of a depth edge the pixel may belong to either.
   CHECK(free_space_evidence(S(2), S(1.5), wall, margins) == DepthEvidence::consistent);
 }

@@ -46,11 +46,13 @@ TEST_CASE_TEMPLATE("a static point has no errors, a moved one has (Eqs 3, 5, 6)"
   CHECK(std::abs(*depth_residual<S>(p_c, wall.depth, projected)) < S(1e-5));
   const Eigen::Matrix<S, 2, 1> match = projected + Eigen::Matrix<S, 2, 1>(S(6), S(0));
   CHECK(reprojection_residual<S>(projected, match) == doctest::Approx(6.0));
-  CHECK(*depth_residual<S>(Eigen::Matrix<S, 3, 1>(p_c + Eigen::Matrix<S, 3, 1>(S(0), S(0), S(0.3))), wall.depth, match) == doctest::Approx(0.3).epsilon(1e-4));
+  CHECK(*depth_residual<S>(Eigen::Matrix<S, 3, 1>(p_c + Eigen::Matrix<S, 3, 1>(S(0), S(0), S(0.3))),
+                           wall.depth, match) == doctest::Approx(0.3).epsilon(1e-4));
   CHECK_FALSE(depth_residual<S>(p_c, wall.depth, Eigen::Matrix<S, 2, 1>(S(-3), S(10))));
   Image<S> hole(160, 120, std::numeric_limits<S>::quiet_NaN());
   CHECK_FALSE(depth_residual<S>(p_c, hole, projected));
-  CHECK_FALSE(photometric_residual<S>(wall.reference, x, wall.current, Eigen::Matrix<S, 2, 1>(S(1000), S(0))));
+  CHECK_FALSE(
+      photometric_residual<S>(wall.reference, x, wall.current, Eigen::Matrix<S, 2, 1>(S(1000), S(0))));
 }
 
 TEST_CASE_TEMPLATE("Eq (7): the joint weight, with errors that are missing", S, float, double) {
@@ -58,7 +60,8 @@ TEST_CASE_TEMPLATE("Eq (7): the joint weight, with errors that are missing", S, 
   KeypointResiduals<S> e{S(10), S(2), S(0.06), true, true};
   CHECK(squared_normalised(e, scales) == doctest::Approx(4.0 + 4.0 + 9.0));
   CHECK(static_weight(e, scales, S(5)) == doctest::Approx(8.0 / 22.0));
-  CHECK(static_weight(e, scales, TDistribution<S>(S(11), S(12))) == doctest::Approx(12.0 / 28.0));  // as printed
+  CHECK(static_weight(e, scales, TDistribution<S>(S(11), S(12))) ==
+        doctest::Approx(12.0 / 28.0));  // as printed
   e.has_depth = false;
   CHECK(static_weight(e, scales, S(5)) == doctest::Approx(7.0 / 13.0));
   e.has_photometric = false;
@@ -71,7 +74,8 @@ TEST_CASE("tau separates moving from static keypoints") {
   int static_kept = 0, moving_found = 0;
   constexpr int kPoints = 2000;
   for (int i = 0; i < kPoints; ++i) {
-    KeypointResiduals<double> e{5 * rng.normal(), std::hypot(rng.normal(), rng.normal()) / std::sqrt(2.0), 0.02 * rng.normal(), true, true};
+    KeypointResiduals<double> e{5 * rng.normal(), std::hypot(rng.normal(), rng.normal()) / std::sqrt(2.0),
+                                0.02 * rng.normal(), true, true};
     static_kept += is_dynamic(static_weight(e, scales, 5.0), 0.25) ? 0 : 1;
     e.reprojection += rng.uniform(5, 30);
     e.depth += rng.uniform(0.03, 0.3);

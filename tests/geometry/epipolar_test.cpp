@@ -60,8 +60,10 @@ TEST_CASE("eight exact matches give the F of the pose, of rank two") {
     CHECK(std::abs(F->determinant()) < 1e-12);
     for (std::size_t i = 0; i < v.x.size(); ++i) CHECK(line_distance<double>(*F, v.x[i], v.x_m[i]) < 1e-5);
   }
-  CHECK_FALSE(fundamental_eight_point<double>(std::vector<Eigen::Vector2d>(7), std::vector<Eigen::Vector2d>(7)));
-  CHECK_FALSE(fundamental_eight_point<double>(std::vector<Eigen::Vector2d>(9, {1, 1}), std::vector<Eigen::Vector2d>(9, {2, 2})));
+  CHECK_FALSE(
+      fundamental_eight_point<double>(std::vector<Eigen::Vector2d>(7), std::vector<Eigen::Vector2d>(7)));
+  CHECK_FALSE(fundamental_eight_point<double>(std::vector<Eigen::Vector2d>(9, {1, 1}),
+                                              std::vector<Eigen::Vector2d>(9, {2, 2})));
 }
 
 TEST_CASE("Sampson's distance approximates the smallest correction of both points") {

@@ -64,7 +64,8 @@ TEST_CASE_TEMPLATE("fr1's distortion is inverted over the whole image", S, float
       const Eigen::Matrix<S, 2, 1> x{S(u), S(v)};
       const auto ideal = camera.undistort_pixel(x);
       REQUIRE(ideal);
-      CHECK(static_cast<double>((camera.distort_pixel(*ideal) - x).norm()) < (std::is_same_v<S, float> ? 5e-3 : 1e-9));
+      CHECK(static_cast<double>((camera.distort_pixel(*ideal) - x).norm()) <
+            (std::is_same_v<S, float> ? 5e-3 : 1e-9));
       ++pixels;
     }
   }

@@ -42,7 +42,9 @@ TEST_CASE("an image keeps its memory when it shrinks") {
   CHECK(image.data() == before);
 }
 
-TEST_CASE_TEMPLATE("bilinear interpolation is exact at pixels, borders included, and equals the four-pixel formula", S, float, double) {
+TEST_CASE_TEMPLATE(
+    "bilinear interpolation is exact at pixels, borders included, and equals the four-pixel formula", S,
+    float, double) {
   test::Rng rng("bilinear");
   Image<S> image(7, 5);
   for (int v = 0; v < 5; ++v) {
@@ -59,7 +61,8 @@ TEST_CASE_TEMPLATE("bilinear interpolation is exact at pixels, borders included,
     const S u = static_cast<S>(rng.uniform(0, 5.999)), v = static_cast<S>(rng.uniform(0, 3.999));
     const int i = static_cast<int>(u), j = static_cast<int>(v);
     const S a = u - S(i), b = v - S(j);
-    const S expected = (1 - a) * (1 - b) * image(i, j) + a * (1 - b) * image(i + 1, j) + (1 - a) * b * image(i, j + 1) + a * b * image(i + 1, j + 1);
+    const S expected = (1 - a) * (1 - b) * image(i, j) + a * (1 - b) * image(i + 1, j) +
+                       (1 - a) * b * image(i, j + 1) + a * b * image(i + 1, j + 1);
     CHECK(*bilinear<S>(image, u, v) == doctest::Approx(static_cast<double>(expected)).epsilon(1e-4));
   }
   const S nan = std::numeric_limits<S>::quiet_NaN();
@@ -76,11 +79,16 @@ TEST_CASE("the gradient is the derivative of the interpolant") {
     for (int u = 0; u < 6; ++u) image(u, v) = rng.uniform(0, 255);
   }
   for (int k = 0; k < 100; ++k) {
-    const double u = rng.integer(0, 4) + rng.uniform(0.1, 0.9), v = rng.integer(0, 4) + rng.uniform(0.1, 0.9), h = 1e-5;
+    const double u = rng.integer(0, 4) + rng.uniform(0.1, 0.9), v = rng.integer(0, 4) + rng.uniform(0.1, 0.9),
+                 h = 1e-5;
     const auto sample = bilinear_with_gradient<double>(image, u, v);
     REQUIRE(sample);
-    CHECK(sample->gradient.x() == doctest::Approx((*bilinear<double>(image, u + h, v) - *bilinear<double>(image, u - h, v)) / (2 * h)).epsilon(1e-6));
-    CHECK(sample->gradient.y() == doctest::Approx((*bilinear<double>(image, u, v + h) - *bilinear<double>(image, u, v - h)) / (2 * h)).epsilon(1e-6));
+    CHECK(sample->gradient.x() ==
+          doctest::Approx((*bilinear<double>(image, u + h, v) - *bilinear<double>(image, u - h, v)) / (2 * h))
+              .epsilon(1e-6));
+    CHECK(sample->gradient.y() ==
+          doctest::Approx((*bilinear<double>(image, u, v + h) - *bilinear<double>(image, u, v - h)) / (2 * h))
+              .epsilon(1e-6));
   }
 }
 

@@ -12,10 +12,12 @@ TEST_CASE("a log-odds cell and an OctoMap node agree on the same measurements") 
   const octomap::point3d p(0.25F, -0.35F, 1.05F);
   CHECK(interop::occupancy(tree, p) == Occupancy::unknown);
   LogOddsCell<float> cell;
-  for (const bool hit : {true, false, false, true, true, true, true, true, true, false, false, false, false, false, false, false, false, false, false, false}) {
+  for (const bool hit : {true,  false, false, true,  true,  true,  true,  true,  true,  false,
+                         false, false, false, false, false, false, false, false, false, false}) {
     tree.updateNode(p, hit);
     cell.update(hit ? params.hit : params.miss, params);
-    CHECK(static_cast<double>(tree.search(p)->getLogOdds()) == doctest::Approx(static_cast<double>(cell.log_odds())).epsilon(1e-5));
+    CHECK(static_cast<double>(tree.search(p)->getLogOdds()) ==
+          doctest::Approx(static_cast<double>(cell.log_odds())).epsilon(1e-5));
     CHECK(interop::occupancy(tree, p) == cell.state(params));
   }
 }

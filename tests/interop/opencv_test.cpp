@@ -23,7 +23,9 @@ static_assert(std::is_same_v<decltype(view<float>(std::declval<const cv::Mat&>()
 namespace {
 
 template <class T>
-concept ViewsTemporary = requires { view<T>(cv::Mat()); };
+concept ViewsTemporary = requires {
+  view<T>(cv::Mat());
+};
 static_assert(!ViewsTemporary<float>);
 
 }  // namespace

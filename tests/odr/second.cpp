@@ -3,4 +3,6 @@
 
 int second();
 
-int second() { return 0; }
+int second() {
+  return 0;
+}

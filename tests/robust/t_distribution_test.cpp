@@ -109,7 +109,8 @@ TEST_CASE("the joint covariance is recovered from a wrong start") {
   for (int i = 0; i < 20000; ++i) {
     double chi2 = 0;
     for (int k = 0; k < 5; ++k) chi2 += std::pow(rng.normal(), 2);
-    r.push_back(Eigen::Vector3d(rng.normal(), rng.normal(), rng.normal()).cwiseProduct(sigma) / std::sqrt(chi2 / 5));
+    r.push_back(Eigen::Vector3d(rng.normal(), rng.normal(), rng.normal()).cwiseProduct(sigma) /
+                std::sqrt(chi2 / 5));
   }
   const auto estimate = estimate_covariance<double, 3>(r, Eigen::Matrix3d::Identity(), 5.0);
   REQUIRE(estimate);

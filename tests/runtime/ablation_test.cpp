@@ -9,10 +9,10 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "dynslam/runtime/evaluate.hpp"
-#include "dynslam/runtime/pipeline.hpp"
-#include "dynslam/runtime/synth.hpp"
-#include "dynslam/runtime/tum_reader.hpp"
+#include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/synth/synth.hpp"
 #include "run_fixture.hpp"
 
 using namespace dynslam;

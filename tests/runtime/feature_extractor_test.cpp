@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/feature_extractor.hpp"
+#include "dynslam/runtime/slam/feature_extractor.hpp"
 
 #include <doctest/doctest.h>
 

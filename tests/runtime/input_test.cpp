@@ -6,14 +6,14 @@
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
-#include "dynslam/runtime/camera.hpp"
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/evaluate.hpp"
-#include "dynslam/runtime/image_io.hpp"
-#include "dynslam/runtime/mask_reader.hpp"
-#include "dynslam/runtime/pipeline.hpp"
-#include "dynslam/runtime/trajectory_io.hpp"
-#include "dynslam/runtime/tum_reader.hpp"
+#include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/io/camera.hpp"
+#include "dynslam/runtime/io/image_io.hpp"
+#include "dynslam/runtime/io/mask_reader.hpp"
+#include "dynslam/runtime/io/trajectory_io.hpp"
+#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/slam/pipeline.hpp"
 #include "tum_fixture.hpp"
 
 using namespace dynslam;
@@ -33,9 +33,13 @@ std::string error_of(F&& f) {
   return {};
 }
 
-bool mentions(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+bool mentions(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
 
-void truncate(const fs::path& path, std::uintmax_t keep) { fs::resize_file(path, keep); }
+void truncate(const fs::path& path, std::uintmax_t keep) {
+  fs::resize_file(path, keep);
+}
 
 }  // namespace
 
@@ -59,7 +63,8 @@ TEST_CASE("association lines are checked alike") {
   };
   CHECK(check("1.0 a.png 1.01 b.png\n").empty());
   CHECK(mentions(check("1.0 a.png 1.01\n"), "associations.txt:1: expected 4 columns"));
-  CHECK(mentions(check("1.0 a.png 1.01 b.png\n1.0 a.png 1.01 b.png\n"), "associations.txt:2: the time stamp occurs twice"));
+  CHECK(mentions(check("1.0 a.png 1.01 b.png\n1.0 a.png 1.01 b.png\n"),
+                 "associations.txt:2: the time stamp occurs twice"));
   CHECK(mentions(check("1.0 a.png inf b.png\n"), "associations.txt:1: 'inf'"));
 }
 
@@ -84,7 +89,9 @@ TEST_CASE("a written trajectory reads back, and an unwritable one is told") {
   const test::TemporaryFolder folder;
   std::vector<StampedPose<double>> out;
   for (int i = 0; i < 5; ++i) {
-    out.push_back({1305031102.175304 + i, SE3d::exp((Eigen::Matrix<double, 6, 1>() << 0.1 * i, 0.2, -0.3, 0.1, 0.4 * i, 0).finished())});
+    out.push_back(
+        {1305031102.175304 + i,
+         SE3d::exp((Eigen::Matrix<double, 6, 1>() << 0.1 * i, 0.2, -0.3, 0.1, 0.4 * i, 0).finished())});
   }
   write_trajectory(folder.path / "t.txt", out);
   const auto in = read_trajectory(folder.path / "t.txt");
@@ -93,8 +100,10 @@ TEST_CASE("a written trajectory reads back, and an unwritable one is told") {
     CHECK(in[i].t == doctest::Approx(out[i].t).epsilon(1e-15));
     CHECK((in[i].T_w_c.matrix() - out[i].T_w_c.matrix()).norm() < 1e-8);
   }
-  CHECK(mentions(error_of([&] { write_trajectory(folder.path / "no" / "such" / "t.txt", out); }), "cannot be written"));
-  CHECK(mentions(error_of([&] { (void)read_trajectory(folder.path / "absent.txt"); }), "absent.txt: cannot be opened"));
+  CHECK(mentions(error_of([&] { write_trajectory(folder.path / "no" / "such" / "t.txt", out); }),
+                 "cannot be written"));
+  CHECK(mentions(error_of([&] { (void)read_trajectory(folder.path / "absent.txt"); }),
+                 "absent.txt: cannot be opened"));
 }
 
 TEST_CASE("cameras: names, files, and what is wrong with them") {
@@ -114,7 +123,8 @@ TEST_CASE("cameras: names, files, and what is wrong with them") {
   CHECK(mentions(check(good + "k1 = big\n"), "c.txt:7: 'big'"));
   CHECK(mentions(check(good + "k1\n"), "c.txt:7: expected 'key = value'"));
   CHECK(mentions(check("width = 640.5\nheight = 480\nfx = 1\nfy = 1\ncx = 1\ncy = 1\n"), "whole numbers"));
-  CHECK(mentions(check("width = 640\nheight = 480\nfx = 0\nfy = 1\ncx = 1\ncy = 1\n"), "fx and fy must be positive"));
+  CHECK(mentions(check("width = 640\nheight = 480\nfx = 0\nfy = 1\ncx = 1\ncy = 1\n"),
+                 "fx and fy must be positive"));
 }
 
 TEST_CASE("a sequence: lists paired by time, camera hint, ground truth") {
@@ -142,11 +152,13 @@ TEST_CASE("broken sequences are refused with the file") {
   }
   SUBCASE("nothing associates") {
     std::ofstream(tum.path / "depth.txt") << "50.0 depth/a.png\n";
-    CHECK(mentions(error_of([&] { (void)load_sequence(tum.path); }), "no colour image has a depth image within 0.02 s"));
+    CHECK(mentions(error_of([&] { (void)load_sequence(tum.path); }),
+                   "no colour image has a depth image within 0.02 s"));
   }
   SUBCASE("bad ground truth") {
     std::ofstream(tum.path / "groundtruth.txt") << "1.0 0 0\n";
-    CHECK(mentions(error_of([&] { (void)load_sequence(tum.path); }), "groundtruth.txt:1: expected 8 columns"));
+    CHECK(
+        mentions(error_of([&] { (void)load_sequence(tum.path); }), "groundtruth.txt:1: expected 8 columns"));
   }
 }
 
@@ -168,7 +180,8 @@ TEST_CASE("a frame decodes to colour, grey and metres; each kind of damage is to
   SUBCASE("truncated JPEG") {
     std::vector<std::uint8_t> bytes;
     cv::imencode(".jpg", frame.bgr, bytes);
-    std::ofstream(rgb, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size() / 2));
+    std::ofstream(rgb, std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size() / 2));
     CHECK(error() == rgb.string() + ": is truncated");
   }
   SUBCASE("empty") {
@@ -217,7 +230,8 @@ TEST_CASE("a stream may be dropped while its queue is full") {
 
 TEST_CASE("masks: binary, labels, instances, missing and unusable ones") {
   const test::TemporaryFolder folder;
-  cv::Mat binary = cv::Mat::zeros(48, 64, CV_8UC1), labels = binary.clone(), instances = cv::Mat::zeros(48, 64, CV_16UC1);
+  cv::Mat binary = cv::Mat::zeros(48, 64, CV_8UC1), labels = binary.clone(),
+          instances = cv::Mat::zeros(48, 64, CV_16UC1);
   binary(cv::Rect(5, 5, 10, 10)) = 255;
   labels(cv::Rect(0, 0, 8, 8)) = 1;
   labels(cv::Rect(20, 20, 8, 8)) = 2;
@@ -260,7 +274,8 @@ TEST_CASE("mask figures by hand; missing predictions count as empty") {
   const test::TemporaryFolder empty;
   CHECK(mentions(error_of([&] { (void)evaluate_masks(empty.path, truth.path); }), "has no mask in common"));
   CHECK(mentions(error_of([&] { (void)evaluate_masks(predicted.path, empty.path); }), "holds no PNG masks"));
-  CHECK(mentions(error_of([&] { (void)evaluate_masks(predicted.path / "absent", truth.path); }), "is not a folder"));
+  CHECK(mentions(error_of([&] { (void)evaluate_masks(predicted.path / "absent", truth.path); }),
+                 "is not a folder"));
 }
 
 TEST_CASE("degenerate ground truth cannot be evaluated") {
@@ -269,7 +284,9 @@ TEST_CASE("degenerate ground truth cannot be evaluated") {
     still.push_back({i / 30.0, SE3d()});
     moving.push_back({i / 30.0, SE3d(SO3d(), Eigen::Vector3d(std::sin(i), std::cos(i), 0.1 * i))});
   }
-  CHECK(mentions(error_of([&] { (void)evaluate_trajectory(moving, still, "e", "g"); }), "g: cannot be aligned with e"));
+  CHECK(mentions(error_of([&] { (void)evaluate_trajectory(moving, still, "e", "g"); }),
+                 "g: cannot be aligned with e"));
   for (auto& p : still) p.t += 100;
-  CHECK(mentions(error_of([&] { (void)evaluate_trajectory(moving, still, "e", "g"); }), "fewer than 3 poses"));
+  CHECK(
+      mentions(error_of([&] { (void)evaluate_trajectory(moving, still, "e", "g"); }), "fewer than 3 poses"));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/local_map.hpp"
+#include "dynslam/runtime/slam/local_map.hpp"
 
 #include <doctest/doctest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/loop_closer.hpp"
+#include "dynslam/runtime/slam/loop_closer.hpp"
 
 #include <doctest/doctest.h>
 

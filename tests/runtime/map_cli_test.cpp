@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "dynslam/runtime/map_io.hpp"
+#include "dynslam/runtime/io/map_io.hpp"
 #include "recorded_scans.hpp"
 #include "tum_fixture.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/map_io.hpp"
+#include "dynslam/runtime/io/map_io.hpp"
 
 #include <doctest/doctest.h>
 #include <octomap/ColorOcTree.h>
@@ -11,7 +11,7 @@
 #include <sstream>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/map_render.hpp"
+#include "dynslam/runtime/evaluation/map_render.hpp"
 #include "random.hpp"
 #include "recorded_scans.hpp"
 #include "tree_compare.hpp"

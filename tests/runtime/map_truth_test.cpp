@@ -9,11 +9,11 @@
 #include <string>
 #include <unordered_set>
 
-#include "dynslam/runtime/map_io.hpp"
-#include "dynslam/runtime/pipeline.hpp"
-#include "dynslam/runtime/semantic_mapper.hpp"
-#include "dynslam/runtime/synth.hpp"
-#include "dynslam/runtime/tum_reader.hpp"
+#include "dynslam/runtime/io/map_io.hpp"
+#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/slam/semantic_mapper.hpp"
+#include "dynslam/runtime/synth/synth.hpp"
 #include "map_truth.hpp"
 #include "tum_fixture.hpp"
 

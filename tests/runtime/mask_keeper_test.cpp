@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/mask_keeper.hpp"
+#include "dynslam/runtime/nets/mask_keeper.hpp"
 
 #include <doctest/doctest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/onnx_segmenter.hpp"
+#include "dynslam/runtime/nets/onnx_segmenter.hpp"
 
 #include <doctest/doctest.h>
 
@@ -11,9 +11,9 @@
 #include <opencv2/imgproc.hpp>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/image_io.hpp"
-#include "dynslam/runtime/segmentation_stage.hpp"
-#include "dynslam/runtime/synth.hpp"
+#include "dynslam/runtime/io/image_io.hpp"
+#include "dynslam/runtime/nets/segmentation_stage.hpp"
+#include "dynslam/runtime/synth/synth.hpp"
 #include "tiny_onnx.hpp"
 #include "tum_fixture.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/patch_matcher.hpp"
+#include "dynslam/runtime/slam/patch_matcher.hpp"
 
 #include <doctest/doctest.h>
 

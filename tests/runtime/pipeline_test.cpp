@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The main job on synthetic sequences: tracking, dynamics, files.
-#include "dynslam/runtime/pipeline.hpp"
+#include "dynslam/runtime/slam/pipeline.hpp"
 
 #include <doctest/doctest.h>
 
@@ -9,10 +9,10 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/evaluate.hpp"
-#include "dynslam/runtime/synth.hpp"
-#include "dynslam/runtime/trajectory_io.hpp"
-#include "dynslam/runtime/tum_reader.hpp"
+#include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/io/trajectory_io.hpp"
+#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/synth/synth.hpp"
 #include "run_fixture.hpp"
 
 using namespace dynslam;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/plot.hpp"
+#include "dynslam/runtime/evaluation/plot.hpp"
 
 #include <doctest/doctest.h>
 
@@ -25,16 +25,23 @@ cv::Mat where(const cv::Mat& image, const cv::Scalar& low, const cv::Scalar& hig
   cv::inRange(image, low, high, mask);
   return mask;
 }
-cv::Mat magenta(const cv::Mat& plot) { return where(plot(kInside), {200, 0, 200}, {255, 60, 255}); }
-int red_pixels(const cv::Mat& plot) { return cv::countNonZero(where(plot(kInside), {0, 0, 180}, {150, 150, 255})); }
-int blue_pixels(const cv::Mat& plot) { return cv::countNonZero(where(plot(kInside), {150, 60, 0}, {255, 160, 110})); }
+cv::Mat magenta(const cv::Mat& plot) {
+  return where(plot(kInside), {200, 0, 200}, {255, 60, 255});
+}
+int red_pixels(const cv::Mat& plot) {
+  return cv::countNonZero(where(plot(kInside), {0, 0, 180}, {150, 150, 255}));
+}
+int blue_pixels(const cv::Mat& plot) {
+  return cv::countNonZero(where(plot(kInside), {150, 60, 0}, {255, 160, 110}));
+}
 
 /// Three quarters of a circle of 1 m, 30 poses per second.
 std::vector<StampedPose<double>> arc(double error) {
   std::vector<StampedPose<double>> poses;
   for (int i = 0; i < 120; ++i) {
     const double angle = i * 0.04, radius = 1.0 + error * std::sin(7 * angle);
-    poses.push_back({i / 30.0, SE3<double>(SO3<double>(), {radius * std::cos(angle), radius * std::sin(angle), 0.01 * i})});
+    poses.push_back({i / 30.0, SE3<double>(SO3<double>(),
+                                           {radius * std::cos(angle), radius * std::sin(angle), 0.01 * i})});
   }
   return poses;
 }
@@ -92,7 +99,8 @@ TEST_CASE("a trajectory plot aligns the estimate and shows differences in red") 
   const SE3<double> T(SO3<double>::exp({0.3, -1, 2}), {4, -5, 6});
   for (auto& pose : moved) pose.T_w_c = T * pose.T_w_c;
   for (auto& pose : wrong) pose.T_w_c = T * pose.T_w_c;
-  const cv::Mat same = plot_trajectory(moved, truth, "same"), different = plot_trajectory(wrong, truth, "different");
+  const cv::Mat same = plot_trajectory(moved, truth, "same"),
+                different = plot_trajectory(wrong, truth, "different");
   CHECK(blue_pixels(same) > 500);
   CHECK(red_pixels(same) < 50);
   CHECK(red_pixels(different) > 1000);
@@ -132,7 +140,9 @@ TEST_CASE("a missing picture leaves its place empty and moves no other") {
   const std::vector<SheetRow> rows{{"first", {green, cv::Mat(), blue}}, {"second", {}}};
   const std::vector<std::string> captions{"1 s", "2 s", "3 s"};
   const cv::Mat sheet = contact_sheet(rows, captions, 64);
-  const auto centre = [&](int row, int column) { return sheet.at<cv::Vec3b>(34 + row * 54 + 24, 40 + column * 70 + 32); };
+  const auto centre = [&](int row, int column) {
+    return sheet.at<cv::Vec3b>(34 + row * 54 + 24, 40 + column * 70 + 32);
+  };
   CHECK(centre(0, 0) == cv::Vec3b(0, 255, 0));
   CHECK(centre(0, 1) == cv::Vec3b(225, 225, 225));
   CHECK(centre(0, 2) == cv::Vec3b(255, 0, 0));

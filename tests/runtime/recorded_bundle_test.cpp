@@ -4,9 +4,9 @@
 
 #include <filesystem>
 
-#include "dynslam/runtime/local_bundle.hpp"
-#include "dynslam/runtime/synth.hpp"
-#include "dynslam/runtime/tracker.hpp"
+#include "dynslam/runtime/slam/local_bundle.hpp"
+#include "dynslam/runtime/slam/tracker.hpp"
+#include "dynslam/runtime/synth/synth.hpp"
 #include "recorded_scans.hpp"
 #include "tum_fixture.hpp"
 

@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/evaluate.hpp"
-#include "dynslam/runtime/pipeline.hpp"
-#include "dynslam/runtime/trajectory_io.hpp"
-#include "dynslam/runtime/tum_reader.hpp"
+#include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/io/trajectory_io.hpp"
+#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/slam/pipeline.hpp"
 #include "run_fixture.hpp"
 
 using namespace dynslam;

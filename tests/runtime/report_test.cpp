@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/report.hpp"
+#include "dynslam/runtime/evaluation/report.hpp"
 
 #include <doctest/doctest.h>
 
@@ -8,7 +8,7 @@
 #include <sstream>
 #include <string>
 
-#include "dynslam/runtime/ablate.hpp"
+#include "dynslam/runtime/evaluation/ablate.hpp"
 
 using namespace dynslam::runtime;
 
@@ -57,7 +57,8 @@ TEST_CASE("cells: decimals, unit, no number, no minus zero") {
 }
 
 TEST_CASE("a text table aligns its columns, whatever the cells' lengths") {
-  const std::string text = to_text(Table{"title", {"mode", "a", "long header"}, {{"x", "1.5", "2"}, {"a long name", "100.25"}}});
+  const std::string text =
+      to_text(Table{"title", {"mode", "a", "long header"}, {{"x", "1.5", "2"}, {"a long name", "100.25"}}});
   CHECK(text ==
         "title\n"
         "mode              a  long header\n"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Maps that are saved, loaded, gone on with, and damaged.
-#include "dynslam/runtime/saved_map.hpp"
+#include "dynslam/runtime/io/saved_map.hpp"
 
 #include <doctest/doctest.h>
 
@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/evaluate.hpp"
-#include "dynslam/runtime/pipeline.hpp"
-#include "dynslam/runtime/synth.hpp"
-#include "dynslam/runtime/trajectory_io.hpp"
-#include "dynslam/runtime/tum_reader.hpp"
+#include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/io/trajectory_io.hpp"
+#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/synth/synth.hpp"
 #include "random.hpp"
 #include "run_fixture.hpp"
 

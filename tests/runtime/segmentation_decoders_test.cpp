@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/segmentation_decoders.hpp"
+#include "dynslam/runtime/nets/segmentation_decoders.hpp"
 
 #include <doctest/doctest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/semantic_mapper.hpp"
+#include "dynslam/runtime/slam/semantic_mapper.hpp"
 
 #include <doctest/doctest.h>
 
@@ -9,7 +9,7 @@
 
 #include "dynslam/interop/octomap.hpp"
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/map_io.hpp"
+#include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/semantic/map_query.hpp"
 #include "tum_fixture.hpp"
 

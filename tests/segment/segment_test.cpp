@@ -34,7 +34,9 @@ Image<float> person_on_floor() {
   return depth;
 }
 
-std::vector<std::uint8_t> pixels(const Image<std::uint8_t>& image) { return {image.data(), image.data() + image.width() * image.height()}; }
+std::vector<std::uint8_t> pixels(const Image<std::uint8_t>& image) {
+  return {image.data(), image.data() + image.width() * image.height()};
+}
 
 }  // namespace
 
@@ -113,9 +115,9 @@ TEST_CASE("small parts go, small holes close, large ones and open bays stay") {
   for (int v = 2; v < 12; ++v) {
     for (int u = 2; u < 12; ++u) mask(u, v) = 255;
   }
-  mask(5, 5) = 0;                            // a hole of one pixel
+  mask(5, 5) = 0;                                            // a hole of one pixel
   for (int v = 7; v < 11; ++v) mask(8, v) = mask(9, v) = 0;  // a hole of eight
-  mask(16, 16) = 255;                        // a speck
+  mask(16, 16) = 255;                                        // a speck
   MaskWorkspace ws;
   remove_small(mask.view(), 4, ws);
   CHECK(mask(16, 16) == 0);
@@ -133,15 +135,18 @@ TEST_CASE("a fixed step floods through the floor; the guard drops it, the relati
   const std::vector<PixelIndex> seed{{75, 60}};
   RegionGrowingOptions unguarded;
   unguarded.max_region_fraction = 1.0;
-  auto result = grow_regions(depth, std::span<const PixelIndex>(seed), FixedStep<float>{0.06F}, unguarded, mask.view(), ws);
+  auto result = grow_regions(depth, std::span<const PixelIndex>(seed), FixedStep<float>{0.06F}, unguarded,
+                             mask.view(), ws);
   CHECK(result.pixels > 6000);  // the person has 3395
   RegionGrowingOptions guarded;
   guarded.max_region_fraction = 0.4;
-  result = grow_regions(depth, std::span<const PixelIndex>(seed), FixedStep<float>{0.06F}, guarded, mask.view(), ws);
+  result = grow_regions(depth, std::span<const PixelIndex>(seed), FixedStep<float>{0.06F}, guarded,
+                        mask.view(), ws);
   CHECK(result.regions_leaked == 1);
   CHECK(result.pixels == 0);
   CHECK(*std::max_element(mask.data(), mask.data() + 160 * 120) == 0);
-  result = grow_regions(depth, std::span<const PixelIndex>(seed), RelativeStep<float>{0.01F, 0.004F}, guarded, mask.view(), ws);
+  result = grow_regions(depth, std::span<const PixelIndex>(seed), RelativeStep<float>{0.01F, 0.004F}, guarded,
+                        mask.view(), ws);
   CHECK(result.regions == 1);
   CHECK(result.pixels == 35 * 97 + 160);  // and the one row of the floor that is as far away as the feet
 }
@@ -154,7 +159,8 @@ TEST_CASE("a barrier stops growing, also around the feet") {
   }
   RegionGrowingWorkspace ws;
   const std::vector<PixelIndex> seeds{{75, 60}, {10, 115}};
-  const auto result = grow_regions(depth, std::span<const PixelIndex>(seeds), FixedStep<float>{0.06F}, {}, mask.view(), ws, barrier.view());
+  const auto result = grow_regions(depth, std::span<const PixelIndex>(seeds), FixedStep<float>{0.06F}, {},
+                                   mask.view(), ws, barrier.view());
   CHECK(result.pixels == 35 * 92);
   CHECK(mask(75, 111) == 255);
   CHECK(mask(75, 112) == 0);
@@ -166,7 +172,8 @@ TEST_CASE("the region is valid depth only and does not depend on the order of th
   Image<float> depth(60, 40);
   for (int v = 0; v < 40; ++v) {
     for (int u = 0; u < 60; ++u) {
-      depth(u, v) = rng.chance(0.1) ? std::numeric_limits<float>::quiet_NaN() : 2.0F + 0.03F * static_cast<float>(rng.integer(0, 4));
+      depth(u, v) = rng.chance(0.1) ? std::numeric_limits<float>::quiet_NaN()
+                                    : 2.0F + 0.03F * static_cast<float>(rng.integer(0, 4));
     }
   }
   std::vector<PixelIndex> seeds;
@@ -177,10 +184,12 @@ TEST_CASE("the region is valid depth only and does not depend on the order of th
   RegionGrowingWorkspace ws;
   Image<std::uint8_t> first(60, 40), other(60, 40);
   const RelativeStep<float> criterion{0.02F, 0.004F};
-  const auto a = grow_regions(depth, std::span<const PixelIndex>(seeds), criterion, options, first.view(), ws);
+  const auto a =
+      grow_regions(depth, std::span<const PixelIndex>(seeds), criterion, options, first.view(), ws);
   for (int trial = 0; trial < 10; ++trial) {
     std::shuffle(seeds.begin(), seeds.end(), rng.engine());
-    const auto b = grow_regions(depth, std::span<const PixelIndex>(seeds), criterion, options, other.view(), ws);
+    const auto b =
+        grow_regions(depth, std::span<const PixelIndex>(seeds), criterion, options, other.view(), ws);
     CHECK(b.pixels == a.pixels);
     CHECK(b.regions == a.regions);
     CHECK(pixels(first) == pixels(other));

@@ -10,9 +10,11 @@
 
 using namespace dynslam;
 
-TEST_CASE_TEMPLATE("log-odds and probability invert each other and never become NaN (Eqs 10, 11)", S, float, double) {
+TEST_CASE_TEMPLATE("log-odds and probability invert each other and never become NaN (Eqs 10, 11)", S, float,
+                   double) {
   for (const double p : {0.001, 0.12, 0.4, 0.5, 0.7, 0.97, 0.999}) {
-    CHECK(static_cast<double>(log_odds_to_probability(probability_to_log_odds(S(p)))) == doctest::Approx(p).epsilon(1e-5));
+    CHECK(static_cast<double>(log_odds_to_probability(probability_to_log_odds(S(p)))) ==
+          doctest::Approx(p).epsilon(1e-5));
   }
   for (const S l : {S(100), S(1000), S(-100), S(-1000)}) {
     const S p = log_odds_to_probability(l);
@@ -35,7 +37,8 @@ TEST_CASE("adding log-odds (Eq 12) equals Bayes' recursion on probabilities (Eq 
   }
 }
 
-TEST_CASE_TEMPLATE("a cell is unknown, then free or occupied; it is clamped and can change its mind", S, float, double) {
+TEST_CASE_TEMPLATE("a cell is unknown, then free or occupied; it is clamped and can change its mind", S,
+                   float, double) {
   const LogOddsParams<S> params;
   LogOddsCell<S> cell;
   CHECK(cell.state(params) == Occupancy::unknown);

@@ -13,10 +13,10 @@
 #include <vector>
 
 #include "dynslam/interop/octomap_semantic_tree.hpp"
-#include "dynslam/runtime/mask_reader.hpp"
+#include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/semantic/map_query.hpp"
-#include "synth_render.hpp"
-#include "synth_scene.hpp"
+#include "synth/synth_render.hpp"
+#include "synth/synth_scene.hpp"
 
 namespace dynslam::test {
 

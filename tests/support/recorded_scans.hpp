@@ -13,8 +13,8 @@
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/image/depth.hpp"
-#include "dynslam/runtime/camera.hpp"
-#include "dynslam/runtime/tum_reader.hpp"
+#include "dynslam/runtime/io/camera.hpp"
+#include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/semantic/scan_voxels.hpp"
 
 namespace dynslam::test {

@@ -7,8 +7,8 @@
 #include <iterator>
 #include <string>
 
-#include "dynslam/runtime/pipeline.hpp"
-#include "dynslam/runtime/synth.hpp"
+#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/synth/synth.hpp"
 #include "tum_fixture.hpp"
 
 // What tests of whole runs share: a rendered sequence, the options to run it, its files.

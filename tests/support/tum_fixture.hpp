@@ -9,7 +9,7 @@
 #include <opencv2/core.hpp>
 #include <string>
 
-#include "dynslam/runtime/image_io.hpp"
+#include "dynslam/runtime/io/image_io.hpp"
 
 namespace dynslam::test {
 
@@ -18,7 +18,8 @@ struct TemporaryFolder {
   std::filesystem::path path;
   TemporaryFolder() {
     static std::atomic<int> count{0};
-    path = std::filesystem::temp_directory_path() / ("dynslam_test_" + std::to_string(getpid()) + "_" + std::to_string(count++));
+    path = std::filesystem::temp_directory_path() /
+           ("dynslam_test_" + std::to_string(getpid()) + "_" + std::to_string(count++));
     std::filesystem::create_directories(path);
   }
   ~TemporaryFolder() {

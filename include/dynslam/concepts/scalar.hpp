@@ -41,8 +41,10 @@ concept Scalar = !std::integral<T> && std::copyable<T> && std::constructible_fro
 
 /// An Eigen expression of the fixed shape R x C.
 template <class D, int R, int C = 1>
-concept FixedMatrix = requires(const D& d) { detail::as_matrix_base(d); } && int(D::RowsAtCompileTime) == R &&
-                      int(D::ColsAtCompileTime) == C;
+concept FixedMatrix = requires(const D& d) {
+  detail::as_matrix_base(d);
+}
+&&int(D::RowsAtCompileTime) == R&& int(D::ColsAtCompileTime) == C;
 
 static_assert(Scalar<float> && Scalar<double> && !Scalar<int>);
 static_assert(FixedMatrix<Eigen::Vector3d, 3> && !FixedMatrix<Eigen::VectorXd, 3>);

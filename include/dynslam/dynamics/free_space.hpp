@@ -71,7 +71,8 @@ struct FreeSpaceMargins {
 /// @param z  depth of the point in the earlier camera [m]
 /// @param nearest, farthest  bounds at its projection [m]; NaN gives `unknown`
 template <std::floating_point S>
-[[nodiscard]] DepthEvidence free_space_evidence(S z, S nearest, S farthest, const FreeSpaceMargins<S>& margins) {
+[[nodiscard]] DepthEvidence free_space_evidence(S z, S nearest, S farthest,
+                                                const FreeSpaceMargins<S>& margins) {
   if (!is_valid_depth(nearest)) return DepthEvidence::unknown;
   const S z2 = z * z;
   if (nearest - z > margins.violation_base + margins.violation_quad * z2) return DepthEvidence::violation;

@@ -15,7 +15,8 @@ namespace dynslam {
 /// Eq (3): E_I = I_ref(x) - I_cur(x') in grey values, x' being the projection of x with the present
 /// pose. nullopt where either lies outside its image.
 template <std::floating_point S, ImageLike A, ImageLike B>
-[[nodiscard]] std::optional<S> photometric_residual(const A& reference, const Eigen::Matrix<S, 2, 1>& x, const B& current,
+[[nodiscard]] std::optional<S> photometric_residual(const A& reference, const Eigen::Matrix<S, 2, 1>& x,
+                                                    const B& current,
                                                     const Eigen::Matrix<S, 2, 1>& x_projected) {
   const auto a = bilinear<S>(reference, x.x(), x.y());
   const auto b = bilinear<S>(current, x_projected.x(), x_projected.y());
@@ -25,7 +26,8 @@ template <std::floating_point S, ImageLike A, ImageLike B>
 
 /// Eq (5): E_C = |x' - x_m| in pixels, projection against match.
 template <std::floating_point S>
-[[nodiscard]] S reprojection_residual(const Eigen::Matrix<S, 2, 1>& x_projected, const Eigen::Matrix<S, 2, 1>& x_m) {
+[[nodiscard]] S reprojection_residual(const Eigen::Matrix<S, 2, 1>& x_projected,
+                                      const Eigen::Matrix<S, 2, 1>& x_m) {
   return (x_projected - x_m).norm();
 }
 
@@ -34,10 +36,12 @@ template <std::floating_point S>
 template <std::floating_point S, DepthImage D>
 [[nodiscard]] std::optional<S> depth_residual(const Eigen::Matrix<S, 3, 1>& p_c, const D& depth,
                                               const Eigen::Matrix<S, 2, 1>& x_m) {
-  if (!(x_m.x() > S(-0.5) && x_m.y() > S(-0.5) && x_m.x() < S(depth.width()) - S(0.5) && x_m.y() < S(depth.height()) - S(0.5))) {
+  if (!(x_m.x() > S(-0.5) && x_m.y() > S(-0.5) && x_m.x() < S(depth.width()) - S(0.5) &&
+        x_m.y() < S(depth.height()) - S(0.5))) {
     return std::nullopt;
   }
-  const auto z = static_cast<S>(depth(static_cast<int>(std::lround(x_m.x())), static_cast<int>(std::lround(x_m.y()))));
+  const auto z =
+      static_cast<S>(depth(static_cast<int>(std::lround(x_m.x())), static_cast<int>(std::lround(x_m.y()))));
   if (!is_valid_depth(z)) return std::nullopt;
   return p_c.z() - z;
 }

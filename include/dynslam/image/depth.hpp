@@ -20,7 +20,8 @@ template <std::floating_point S>
 /// @param units_per_metre  5000 for TUM fr1 and fr3, 5208 for fr2
 template <std::floating_point S>
 void depth_to_metres(ImageView<const std::uint16_t> raw, S units_per_metre, ImageView<S> out) {
-  DYNSLAM_ASSERT(raw.width() == out.width() && raw.height() == out.height(), "both images need the same size");
+  DYNSLAM_ASSERT(raw.width() == out.width() && raw.height() == out.height(),
+                 "both images need the same size");
   const S scale = S(1) / units_per_metre;
   for (int v = 0; v < raw.height(); ++v) {
     const std::uint16_t* from = raw.row(v);

@@ -17,7 +17,8 @@ class Image {
   using Pixel = T;
 
   Image() = default;
-  Image(int width, int height, T fill = T{}) : width_(width), height_(height), pixels_(count(width, height), fill) {}
+  Image(int width, int height, T fill = T{})
+      : width_(width), height_(height), pixels_(count(width, height), fill) {}
 
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }

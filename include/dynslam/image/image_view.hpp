@@ -20,20 +20,24 @@ class ImageView {
   constexpr ImageView() = default;
   constexpr ImageView(T* data, int width, int height, std::ptrdiff_t stride)
       : data_(data), width_(width), height_(height), stride_(stride) {
-    DYNSLAM_ASSERT(width >= 0 && height >= 0 && stride >= width, "a view needs non-negative sizes and stride >= width");
+    DYNSLAM_ASSERT(width >= 0 && height >= 0 && stride >= width,
+                   "a view needs non-negative sizes and stride >= width");
   }
   constexpr ImageView(T* data, int width, int height) : ImageView(data, width, height, width) {}
   /// ImageView<T> to ImageView<const T>.
   template <class U>
-  requires(std::is_const_v<T>&& std::is_same_v<U, Pixel>)
-  constexpr ImageView(const ImageView<U>& other)  // NOLINT(google-explicit-constructor): a view that promises less
+    requires(std::is_const_v<T>&& std::is_same_v<U, Pixel>)
+  constexpr ImageView(
+      const ImageView<U>& other)  // NOLINT(google-explicit-constructor): a view that promises less
       : ImageView(other.data(), other.width(), other.height(), other.stride()) {}
 
   [[nodiscard]] constexpr int width() const { return width_; }
   [[nodiscard]] constexpr int height() const { return height_; }
   [[nodiscard]] constexpr std::ptrdiff_t stride() const { return stride_; }
   [[nodiscard]] constexpr T* data() const { return data_; }
-  [[nodiscard]] constexpr bool contains(int u, int v) const { return u >= 0 && v >= 0 && u < width_ && v < height_; }
+  [[nodiscard]] constexpr bool contains(int u, int v) const {
+    return u >= 0 && v >= 0 && u < width_ && v < height_;
+  }
   [[nodiscard]] constexpr T* row(int v) const {
     DYNSLAM_ASSERT(v >= 0 && v < height_, "row outside the image");
     return data_ + v * stride_;

@@ -29,7 +29,8 @@ struct TDistribution {
 
   constexpr TDistribution() = default;
   /// The likelihood's numerator for residuals of `dimension` components.
-  constexpr explicit TDistribution(S degrees, int dimension = 1) : nu(degrees), numerator(degrees + S(dimension)) {}
+  constexpr explicit TDistribution(S degrees, int dimension = 1)
+      : nu(degrees), numerator(degrees + S(dimension)) {}
   /// Any numerator, such as the paper's nu + 1 in Eq (7).
   constexpr TDistribution(S degrees, S explicit_numerator) : nu(degrees), numerator(explicit_numerator) {}
 
@@ -67,7 +68,8 @@ struct ScaleWorkspace {
 /// @return sigma in the residuals' unit; nullopt with fewer than 3 usable residuals; 0 when at least
 ///         half of them are exactly zero
 template <std::floating_point S>
-[[nodiscard]] std::optional<S> estimate_scale(std::span<const S> residuals, std::span<const std::uint8_t> excluded,
+[[nodiscard]] std::optional<S> estimate_scale(std::span<const S> residuals,
+                                              std::span<const std::uint8_t> excluded,
                                               const ScaleOptions<S>& options, ScaleWorkspace<S>& workspace) {
   auto& r = workspace.magnitudes;
   r.clear();

@@ -22,8 +22,10 @@ struct MaskWorkspace {
 namespace detail {
 /// Separable square structuring element by running counts: constant work per pixel for any radius.
 /// `grow`: any pixel set; else: all pixels (inside the image) set.
-inline void morphology(ImageView<const std::uint8_t> in, ImageView<std::uint8_t> out, int radius, bool grow, MaskWorkspace& ws) {
-  DYNSLAM_ASSERT(in.width() == out.width() && in.height() == out.height() && radius >= 0, "equal sizes, radius >= 0");
+inline void morphology(ImageView<const std::uint8_t> in, ImageView<std::uint8_t> out, int radius, bool grow,
+                       MaskWorkspace& ws) {
+  DYNSLAM_ASSERT(in.width() == out.width() && in.height() == out.height() && radius >= 0,
+                 "equal sizes, radius >= 0");
   const int w = in.width(), h = in.height();
   ws.rows.resize(w, h);
   const auto pass = [&](int n, auto&& get, auto&& set) {
@@ -47,29 +49,33 @@ inline void morphology(ImageView<const std::uint8_t> in, ImageView<std::uint8_t>
   for (int v = 0; v < h; ++v) {
     const std::uint8_t* from = in.row(v);
     std::uint8_t* to = ws.rows.row(v);
-    pass(w, [&](int u) { return from[u] != 0 ? 1 : 0; }, [&](int u, bool value) { to[u] = value ? 1 : 0; });
+    pass(
+        w, [&](int u) { return from[u] != 0 ? 1 : 0; }, [&](int u, bool value) { to[u] = value ? 1 : 0; });
   }
   for (int u = 0; u < w; ++u) {
-    pass(h, [&](int v) { return static_cast<int>(ws.rows(u, v)); },
-         [&](int v, bool value) { out(u, v) = value ? std::uint8_t{255} : std::uint8_t{0}; });
+    pass(
+        h, [&](int v) { return static_cast<int>(ws.rows(u, v)); },
+        [&](int v, bool value) { out(u, v) = value ? std::uint8_t{255} : std::uint8_t{0}; });
   }
 }
 }  // namespace detail
 
 /// Dilation by a square of half side `radius`; out is 0 or 255. `in` and `out` may be the same image.
-inline void dilate(ImageView<const std::uint8_t> in, ImageView<std::uint8_t> out, int radius, MaskWorkspace& ws) {
+inline void dilate(ImageView<const std::uint8_t> in, ImageView<std::uint8_t> out, int radius,
+                   MaskWorkspace& ws) {
   detail::morphology(in, out, radius, true, ws);
 }
 
 /// Erosion by a square of half side `radius`; pixels outside the image do not erode. Out is 0 or 255.
-inline void erode(ImageView<const std::uint8_t> in, ImageView<std::uint8_t> out, int radius, MaskWorkspace& ws) {
+inline void erode(ImageView<const std::uint8_t> in, ImageView<std::uint8_t> out, int radius,
+                  MaskWorkspace& ws) {
   detail::morphology(in, out, radius, false, ws);
 }
 
 /// Labels 1..n of the 8-connected components of nonzero pixels, 0 elsewhere, in order of their first
 /// pixel row by row; `counts[label]` = pixels (counts[0] unused). Returns n.
-inline int connected_components(ImageView<const std::uint8_t> mask, Image<int>& labels, std::vector<int>& counts,
-                                MaskWorkspace& ws) {
+inline int connected_components(ImageView<const std::uint8_t> mask, Image<int>& labels,
+                                std::vector<int>& counts, MaskWorkspace& ws) {
   const int w = mask.width(), h = mask.height();
   labels.resize(w, h);
   ws.parent.assign(1, 0);
@@ -131,7 +137,8 @@ inline void remove_small(ImageView<std::uint8_t> mask, int min_pixels, MaskWorks
   connected_components(mask, ws.labels, ws.counts, ws);
   for (int v = 0; v < mask.height(); ++v) {
     for (int u = 0; u < mask.width(); ++u) {
-      if (mask(u, v) != 0 && ws.counts[static_cast<std::size_t>(ws.labels(u, v))] < min_pixels) mask(u, v) = 0;
+      if (mask(u, v) != 0 && ws.counts[static_cast<std::size_t>(ws.labels(u, v))] < min_pixels)
+        mask(u, v) = 0;
     }
   }
 }
@@ -145,11 +152,16 @@ inline void fill_holes(ImageView<std::uint8_t> mask, int max_pixels, MaskWorkspa
     for (int u = 0; u < w; ++u) ws.rows(u, v) = mask(u, v) == 0 ? 1 : 0;
   }
   connected_components(ws.rows.view(), ws.labels, ws.counts, ws);
-  for (int u = 0; u < w; ++u) ws.counts[static_cast<std::size_t>(ws.labels(u, 0))] = ws.counts[static_cast<std::size_t>(ws.labels(u, h - 1))] = max_pixels + 1;
-  for (int v = 0; v < h; ++v) ws.counts[static_cast<std::size_t>(ws.labels(0, v))] = ws.counts[static_cast<std::size_t>(ws.labels(w - 1, v))] = max_pixels + 1;
+  for (int u = 0; u < w; ++u)
+    ws.counts[static_cast<std::size_t>(ws.labels(u, 0))] =
+        ws.counts[static_cast<std::size_t>(ws.labels(u, h - 1))] = max_pixels + 1;
+  for (int v = 0; v < h; ++v)
+    ws.counts[static_cast<std::size_t>(ws.labels(0, v))] =
+        ws.counts[static_cast<std::size_t>(ws.labels(w - 1, v))] = max_pixels + 1;
   for (int v = 0; v < h; ++v) {
     for (int u = 0; u < w; ++u) {
-      if (mask(u, v) == 0 && ws.counts[static_cast<std::size_t>(ws.labels(u, v))] <= max_pixels) mask(u, v) = 255;
+      if (mask(u, v) == 0 && ws.counts[static_cast<std::size_t>(ws.labels(u, v))] <= max_pixels)
+        mask(u, v) = 255;
     }
   }
 }

@@ -50,10 +50,10 @@ struct RegionGrowingOptions {
 };
 
 struct RegionGrowingResult {
-  int regions = 0;          ///< kept
-  int regions_leaked = 0;   ///< dropped: too large
-  int regions_small = 0;    ///< dropped: too small
-  std::size_t pixels = 0;   ///< in the kept regions
+  int regions = 0;         ///< kept
+  int regions_leaked = 0;  ///< dropped: too large
+  int regions_small = 0;   ///< dropped: too small
+  std::size_t pixels = 0;  ///< in the kept regions
 };
 
 /// Memory of grow_regions; keep it between calls to avoid allocation.
@@ -71,57 +71,58 @@ struct RegionGrowingWorkspace {
 /// @param mask     out: 255 in kept regions, 0 elsewhere; size of `depth`
 /// @param barrier  empty, or nonzero where growing must not enter
 template <DepthImage D, class Criterion>
-requires GrowingCriterion<Criterion, typename D::Pixel>
-RegionGrowingResult grow_regions(const D& depth, std::span<const PixelIndex> seeds, const Criterion& criterion,
-                                 const RegionGrowingOptions& options, ImageView<std::uint8_t> mask,
-                                 RegionGrowingWorkspace& ws, ImageView<const std::uint8_t> barrier = {}) {
-  const int w = depth.width(), h = depth.height();
-  DYNSLAM_ASSERT(mask.width() == w && mask.height() == h, "the mask needs the size of the depth image");
-  const bool fenced = barrier.data() != nullptr;
-  DYNSLAM_ASSERT(!fenced || (barrier.width() == w && barrier.height() == h), "the barrier needs the size of the depth image");
-  std::size_t valid = 0;
-  ws.visited.resize(w, h);
-  for (int v = 0; v < h; ++v) {
-    for (int u = 0; u < w; ++u) {
-      const bool ok = is_valid_depth(depth(u, v));
-      valid += ok ? 1 : 0;
-      ws.visited(u, v) = ok && !(fenced && barrier(u, v) != 0) ? 0 : 1;  // closed pixels count as visited
-      mask(u, v) = 0;
-    }
-  }
-  const auto limit = static_cast<std::size_t>(options.max_region_fraction * static_cast<double>(valid));
-  constexpr int kDu[8] = {-1, 1, 0, 0, -1, 1, -1, 1};
-  constexpr int kDv[8] = {0, 0, -1, 1, -1, -1, 1, 1};
-  const int directions = options.eight_connected ? 8 : 4;
-
-  RegionGrowingResult result;
-  for (const PixelIndex& seed : seeds) {
-    if (seed.u < 0 || seed.v < 0 || seed.u >= w || seed.v >= h || ws.visited(seed.u, seed.v) != 0) continue;
-    ws.queue.clear();
-    ws.queue.push_back(seed.v * w + seed.u);
-    ws.visited(seed.u, seed.v) = 1;
-    for (std::size_t head = 0; head < ws.queue.size(); ++head) {
-      const int u = ws.queue[head] % w, v = ws.queue[head] / w;
-      const auto z = depth(u, v);
-      for (int k = 0; k < directions; ++k) {
-        const int nu = u + kDu[k], nv = v + kDv[k];
-        if (nu < 0 || nv < 0 || nu >= w || nv >= h || ws.visited(nu, nv) != 0) continue;
-        if (!criterion(z, depth(nu, nv))) continue;
-        ws.visited(nu, nv) = 1;
-        ws.queue.push_back(nv * w + nu);
+  requires GrowingCriterion<Criterion, typename D::Pixel> RegionGrowingResult
+  grow_regions(const D& depth, std::span<const PixelIndex> seeds, const Criterion& criterion,
+               const RegionGrowingOptions& options, ImageView<std::uint8_t> mask, RegionGrowingWorkspace& ws,
+               ImageView<const std::uint8_t> barrier = {}) {
+    const int w = depth.width(), h = depth.height();
+    DYNSLAM_ASSERT(mask.width() == w && mask.height() == h, "the mask needs the size of the depth image");
+    const bool fenced = barrier.data() != nullptr;
+    DYNSLAM_ASSERT(!fenced || (barrier.width() == w && barrier.height() == h),
+                   "the barrier needs the size of the depth image");
+    std::size_t valid = 0;
+    ws.visited.resize(w, h);
+    for (int v = 0; v < h; ++v) {
+      for (int u = 0; u < w; ++u) {
+        const bool ok = is_valid_depth(depth(u, v));
+        valid += ok ? 1 : 0;
+        ws.visited(u, v) = ok && !(fenced && barrier(u, v) != 0) ? 0 : 1;  // closed pixels count as visited
+        mask(u, v) = 0;
       }
     }
-    if (ws.queue.size() > limit) {
-      ++result.regions_leaked;
-    } else if (ws.queue.size() < static_cast<std::size_t>(std::max(0, options.min_region_pixels))) {
-      ++result.regions_small;
-    } else {
-      ++result.regions;
-      result.pixels += ws.queue.size();
-      for (const int i : ws.queue) mask(i % w, i / w) = 255;
+    const auto limit = static_cast<std::size_t>(options.max_region_fraction * static_cast<double>(valid));
+    constexpr int kDu[8] = {-1, 1, 0, 0, -1, 1, -1, 1};
+    constexpr int kDv[8] = {0, 0, -1, 1, -1, -1, 1, 1};
+    const int directions = options.eight_connected ? 8 : 4;
+
+    RegionGrowingResult result;
+    for (const PixelIndex& seed : seeds) {
+      if (seed.u < 0 || seed.v < 0 || seed.u >= w || seed.v >= h || ws.visited(seed.u, seed.v) != 0) continue;
+      ws.queue.clear();
+      ws.queue.push_back(seed.v * w + seed.u);
+      ws.visited(seed.u, seed.v) = 1;
+      for (std::size_t head = 0; head < ws.queue.size(); ++head) {
+        const int u = ws.queue[head] % w, v = ws.queue[head] / w;
+        const auto z = depth(u, v);
+        for (int k = 0; k < directions; ++k) {
+          const int nu = u + kDu[k], nv = v + kDv[k];
+          if (nu < 0 || nv < 0 || nu >= w || nv >= h || ws.visited(nu, nv) != 0) continue;
+          if (!criterion(z, depth(nu, nv))) continue;
+          ws.visited(nu, nv) = 1;
+          ws.queue.push_back(nv * w + nu);
+        }
+      }
+      if (ws.queue.size() > limit) {
+        ++result.regions_leaked;
+      } else if (ws.queue.size() < static_cast<std::size_t>(std::max(0, options.min_region_pixels))) {
+        ++result.regions_small;
+      } else {
+        ++result.regions;
+        result.pixels += ws.queue.size();
+        for (const int i : ws.queue) mask(i % w, i / w) = 255;
+      }
     }
+    return result;
   }
-  return result;
-}
 
 }  // namespace dynslam

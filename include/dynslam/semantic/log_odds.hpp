@@ -60,7 +60,8 @@ class LogOddsCell {
 /// Eq (9): Bayes' recursion on probabilities, P(n|z_1:T) from P(n|z_T), P(n|z_1:T-1) and the prior.
 template <std::floating_point S>
 [[nodiscard]] S bayes_update(S measurement, S previous, S prior) {
-  return S(1) / (S(1) + (S(1) - measurement) / measurement * (S(1) - previous) / previous * prior / (S(1) - prior));
+  return S(1) /
+         (S(1) + (S(1) - measurement) / measurement * (S(1) - previous) / previous * prior / (S(1) - prior));
 }
 
 }  // namespace dynslam

@@ -12,7 +12,8 @@ class InputError : public std::runtime_error {
  public:
   /// @param line  1-based; 0: the whole file
   InputError(const std::string& file, std::size_t line, const std::string& reason)
-      : std::runtime_error(line > 0 ? file + ":" + std::to_string(line) + ": " + reason : file + ": " + reason) {}
+      : std::runtime_error(line > 0 ? file + ":" + std::to_string(line) + ": " + reason
+                                    : file + ": " + reason) {}
 };
 
 /// A request that makes no sense: wrong option values or combinations.

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/evaluation/report.hpp"
+#include "dynslam/runtime/slam/pipeline.hpp"
+
+namespace dynslam::runtime {
+
+/// One row of the ablation.
+struct AblationRow {
+  DynamicsMode mode = DynamicsMode::none;
+  RunSummary run;
+  std::optional<TrajectoryReport>
+      trajectory;                   ///< empty where the run cannot be compared with the ground truth
+  std::string not_comparable;       ///< why, then
+  std::optional<MaskReport> masks;  ///< where the sequence has dynamic_mask/ and was run in full
+};
+
+struct Ablation {
+  std::string sequence;
+  std::vector<AblationRow> rows;  ///< in the order none, semantic, geometric, both
+  bool semantic_skipped = false;  ///< no a-priori masks: only none and geometric were run
+  bool interrupted = false;       ///< `rows` holds the modes that were finished before
+};
+
+/// Runs a sequence in all four modes (the paper's Table 4) into out/<mode>/ and writes tables.txt,
+/// tables.md, ablation.json, trajectory_<mode>.png (Fig. 5), overlays.png (Fig. 3),
+/// <mode>/overlays/<stamp>.png, ate_over_time.png, map.png and map_height.png.
+/// A-priori masks come from `options.masks` or from the sequence's own label/ folder.
+/// @throws InputError  like run_sequence, and without ground truth
+[[nodiscard]] Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
+                              const std::function<void(DynamicsMode, const Progress&)>& progress = {});
+
+/// The paper's tables: ATE and RPE (RMSE, mean, median, S.D.) per mode with the improvement over `none`
+/// (Eq 13), then coverage (share of the frames that have a pose), speed and masks.
+[[nodiscard]] std::vector<Table> tables(const Ablation& ablation);
+/// The tables and what has to be said about them, for a terminal.
+[[nodiscard]] std::string to_text(const Ablation& ablation);
+[[nodiscard]] std::string to_markdown(const Ablation& ablation);
+[[nodiscard]] nlohmann::json to_json(const Ablation& ablation);
+
+}  // namespace dynslam::runtime

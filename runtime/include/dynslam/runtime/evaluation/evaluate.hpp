@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <span>
+#include <string>
+
+#include "dynslam/eval/trajectory.hpp"
+
+namespace dynslam::runtime {
+
+/// Figures of the `eval` command.
+struct TrajectoryReport {
+  AteResult<double> ate;
+  RpeResult<double> rpe;
+  double end_error = 0;  ///< of the motion from the first to the last pose [m]
+};
+
+/// ATE and RPE over 1 s of an estimate. `est_name` and `gt_name` are for error messages.
+/// @throws InputError when too few poses match in time, or positions or intervals are degenerate
+[[nodiscard]] TrajectoryReport evaluate_trajectory(std::span<const StampedPose<double>> estimate,
+                                                   std::span<const StampedPose<double>> groundtruth,
+                                                   const std::string& est_name, const std::string& gt_name);
+[[nodiscard]] TrajectoryReport evaluate_trajectory(const std::filesystem::path& estimate,
+                                                   const std::filesystem::path& groundtruth);
+/// {"pairs": n, "ate_m": S, "rpe_trans_m": S, "rpe_rot_deg": S}, S = {"rmse", "mean", "median", "std", "min",
+/// "max"}
+[[nodiscard]] nlohmann::json to_json(const TrajectoryReport& report);
+[[nodiscard]] std::string to_text(const TrajectoryReport& report);
+
+/// Figures of the `eval-masks` command; pixels summed over all frames.
+struct MaskReport {
+  std::size_t frames = 0;
+  std::size_t missing = 0;  ///< truth frames without a prediction, counted as empty predictions
+  double iou = 0, recall = 0, precision = 0;
+  std::size_t frames_recall_below_0_3 = 0;  ///< among the frames whose truth has any pixel
+};
+
+/// Compares predicted masks with the truth, PNG files of equal names; nonzero = dynamic.
+/// @throws InputError  missing folders, unreadable images, sizes that differ, no file in common
+[[nodiscard]] MaskReport evaluate_masks(const std::filesystem::path& predicted,
+                                        const std::filesystem::path& truth);
+[[nodiscard]] nlohmann::json to_json(const MaskReport& report);
+[[nodiscard]] std::string to_text(const MaskReport& report);
+
+}  // namespace dynslam::runtime

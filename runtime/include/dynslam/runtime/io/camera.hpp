@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <istream>
+#include <string>
+
+#include "dynslam/geometry/brown_conrady.hpp"
+
+namespace dynslam::runtime {
+
+/// A calibrated RGB-D camera whose depth is registered to the colour image.
+struct CameraConfig {
+  std::string name;
+  int width = 640, height = 480;  ///< pixels
+  DistortedPinhole<double> model;
+  double depth_units_per_metre = 5000;  ///< of the 16-bit depth images
+};
+
+/// A camera by name (fr1, fr2, fr3: TUM RGB-D) or from a file of `key = value` lines with the keys
+/// name, width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3, depth_units_per_metre
+/// (distortion 0 and 5000 units where absent).
+/// @throws UsageError for a name that is neither, InputError (file, line) for a bad file
+[[nodiscard]] CameraConfig load_camera(const std::string& name_or_file);
+[[nodiscard]] CameraConfig parse_camera(std::istream& in, const std::string& file);
+
+}  // namespace dynslam::runtime

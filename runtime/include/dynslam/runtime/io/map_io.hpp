@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "dynslam/interop/octomap_semantic_tree.hpp"
+#include "dynslam/runtime/io/mask_reader.hpp"
+
+namespace dynslam::runtime {
+
+using Rgb = std::array<std::uint8_t, 3>;
+
+/// Colour of a class in pictures and exports.
+[[nodiscard]] Rgb class_colour(std::uint8_t label);
+/// "background", "person", "chair", "display", or "label N".
+[[nodiscard]] std::string class_name(std::uint8_t label);
+/// Colour of a voxel in pictures and exports: of its class where it has one, else the one that was seen
+/// (never exactly a class's colour, so the class can be told from the colour).
+[[nodiscard]] Rgb voxel_colour(const interop::SemanticOcTreeNode& node);
+
+/// Writes a map as OctoMap's `.ot` of type SemanticOcTree: everything, exactly. Goes through a temporary
+/// file.
+/// @throws InputError
+void save_map(const interop::SemanticOcTree& tree, const std::filesystem::path& path);
+/// Reads what save_map() wrote. @throws InputError naming the file: missing, of another type, cut short or
+/// corrupt
+[[nodiscard]] std::unique_ptr<interop::SemanticOcTree> load_map(const std::filesystem::path& path);
+
+/// Exports a map; the file's extension chooses the format. All of them go through a temporary file.
+///   .ot   OctoMap's ColorOcTree: log-odds and tree exactly, colours of voxel_colour(); opens in octovis and
+///         octomap_server. Votes are left out.
+///   .bt   OctoMap's OcTree, one bit: occupied or free; no log-odds, labels or colours.
+///   .ply  one vertex per occupied cell: centre [m], colour, label, confidence, edge [m]; no free space.
+///   .txt  the summary of to_text(). .json: of to_json().
+/// @throws UsageError for another extension, InputError when the file cannot be written
+void export_map(const interop::SemanticOcTree& tree, const std::filesystem::path& path);
+
+/// What a map holds. Voxels are counted at full resolution, whatever is pruned.
+struct MapSummary {
+  double resolution = 0;             ///< metres
+  std::size_t nodes = 0, bytes = 0;  ///< of the tree in memory
+  std::size_t occupied = 0, free = 0;
+  std::array<std::size_t, kMapLabels> occupied_of_label{};
+  std::array<double, kMapLabels> confidence_of_label{};  ///< mean over the label's voxels
+  std::array<double, 3> low{}, high{};  ///< box of what is occupied [m]; equal where nothing is
+
+  [[nodiscard]] double volume(std::size_t voxels) const {  ///< m^3
+    return static_cast<double>(voxels) * resolution * resolution * resolution;
+  }
+};
+[[nodiscard]] MapSummary summarize(const interop::SemanticOcTree& tree);
+[[nodiscard]] std::string to_text(const MapSummary& summary);
+[[nodiscard]] nlohmann::json to_json(const MapSummary& summary);
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "dynslam/runtime/io/mask_reader.hpp"
+
+namespace dynslam::runtime {
+
+struct MaskKeeperOptions {
+  int max_age = 8;             ///< frames that a mask outlives its last detection
+  int points = 60;             ///< corners that carry a mask
+  int min_points = 6;          ///< fewer followed: the mask is dropped
+  float depth_margin = 0.20F;  ///< metres around an object's depth that may be its own
+  int band = 3;                ///< pixels around a mask that may be added to it by depth
+  double redetected = 0.3;     ///< share of a kept mask under new detections from which it is replaced
+  double max_cover = 0.8;      ///< share of the image above which kept masks are given up
+};
+
+/// Makes the masks of a network hold up: cuts them to the object's depth, and carries those that the
+/// network misses, or has no time for, forward by optical flow and depth.
+class MaskKeeper {
+ public:
+  explicit MaskKeeper(const MaskKeeperOptions& options = {}) : options_(options) {}
+
+  /// @param detected  masks of this image; nullopt where the network was not asked
+  /// @param gray      CV_8UC1
+  /// @param depth     CV_32FC1 metres, invalid: NaN or <= 0
+  [[nodiscard]] Masks update(const std::optional<Masks>& detected, const cv::Mat& gray, const cv::Mat& depth);
+
+  /// Masks of the last call that were carried, not detected.
+  [[nodiscard]] int carried() const { return carried_; }
+
+ private:
+  struct Kept {
+    cv::Mat mask;     // CV_8UC1 of image size
+    float depth = 0;  // median [m]; 0 unknown
+    int age = 0;
+  };
+
+  void refine(cv::Mat& mask, const cv::Mat& depth, float& median) const;
+  [[nodiscard]] bool carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) const;
+
+  MaskKeeperOptions options_;
+  std::vector<Kept> kept_;
+  cv::Mat gray_;  // of the last call
+  int carried_ = 0;
+};
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "dynslam/runtime/io/mask_reader.hpp"
+#include "dynslam/runtime/nets/inference_engine.hpp"
+#include "dynslam/runtime/nets/segmentation_decoders.hpp"
+
+namespace dynslam::runtime {
+
+/// Families of networks, by what their outputs mean.
+enum class ModelKind { automatic, yolo, mask_rcnn, semantic };
+[[nodiscard]] std::optional<ModelKind> parse_model_kind(std::string_view name);
+[[nodiscard]] std::string_view to_string(ModelKind kind);
+
+struct SegmenterOptions {
+  std::filesystem::path model;  ///< .onnx
+  EngineKind engine = EngineKind::automatic;
+  ModelKind kind = ModelKind::automatic;
+  int threads = 1;  ///< of the network; the tracker needs a core of its own
+  DetectionOptions detection;
+  std::vector<std::string> dynamic_classes{"person"};
+  std::vector<std::string>
+      map_classes;  ///< for the map; empty: those of chair, tv, tvmonitor, display that the model has
+  cv::Size input{640, 480};  ///< where the graph leaves the size open
+};
+
+/// A segmentation network in an ONNX file.
+class OnnxSegmenter {
+ public:
+  /// @throws InputError for a file that is no such network, UsageError for a class that it does not have
+  explicit OnnxSegmenter(const SegmenterOptions& options);
+
+  /// Masks of one image (CV_8UC3, BGR), of the image's size. Not to be called by two threads at once.
+  [[nodiscard]] Masks segment(const cv::Mat& bgr);
+
+  [[nodiscard]] ModelKind kind() const { return kind_; }
+  [[nodiscard]] const std::vector<std::string>& classes() const { return classes_; }
+  [[nodiscard]] std::string_view engine() const { return engine_->name(); }
+
+ private:
+  struct Meaning {
+    bool dynamic = false;
+    Label label = Label::background;
+  };
+
+  void find_kind();
+  void find_classes();
+  void assign_meanings();
+  void fill_input(const cv::Mat& bgr);
+  [[nodiscard]] const Tensor& output(std::string_view name) const;
+
+  SegmenterOptions options_;
+  std::unique_ptr<InferenceEngine> engine_;
+  ModelKind kind_ = ModelKind::automatic;
+  std::vector<std::string> classes_;  // by the index the network uses; empty names have no class
+  std::vector<Meaning> meanings_;
+  std::vector<std::int64_t> shape_;  // of the input
+  Letterbox fit_;
+  std::vector<float> input_;
+  std::vector<Tensor> outputs_;
+};
+
+/// Names of the classes in a list as exporters leave it, {0: 'person', 1: 'bicycle'}; empty if it is none.
+[[nodiscard]] std::vector<std::string> parse_class_names(const std::string& text);
+
+}  // namespace dynslam::runtime

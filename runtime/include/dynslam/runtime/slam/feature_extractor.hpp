@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <opencv2/features2d.hpp>
+#include <vector>
+
+#include "dynslam/runtime/slam/frame.hpp"
+#include "dynslam/runtime/slam/patch_matcher.hpp"
+
+namespace dynslam::runtime {
+
+struct FeatureOptions {
+  int features = 1000;         ///< wanted per image
+  int levels = 8;              ///< pyramid levels
+  float scale_factor = 1.2F;   ///< between levels
+  int fast_threshold = 20;     ///< first FAST threshold (grey values)
+  int fast_threshold_low = 7;  ///< second one, for cells where the first finds nothing
+  int cell = 32;               ///< side of a distribution cell in pixels of its level
+};
+
+/// What is found in an image, and the image at the scales where it was found.
+struct ImageFeatures {
+  std::vector<cv::KeyPoint> keypoints;  ///< level-0 pixels, octave, angle
+  std::vector<Descriptor> descriptors;
+  ImagePyramid pyramid;  ///< level 0 shares the image's memory
+};
+
+/// FAST corners spread over the image by cells, with OpenCV's ORB descriptors.
+///
+/// OpenCV's own ORB keeps the strongest corners wherever they are, which starves weakly textured
+/// parts of the view; here each cell of each level gets its share first (as ORB-SLAM2 does with a
+/// quadtree) and cells without a strong corner are searched again with a lower threshold.
+class FeatureExtractor {
+ public:
+  explicit FeatureExtractor(const FeatureOptions& options);
+
+  /// Fills keypoints, one descriptor each, and the pyramid; the order is by octave, then by row-major
+  /// cell, so it depends on the image alone.
+  void extract(const cv::Mat& gray, ImageFeatures& out);
+
+  /// Scale of pyramid level `octave` against level 0.
+  [[nodiscard]] float scale(int octave) const { return scales_[static_cast<std::size_t>(octave)]; }
+  [[nodiscard]] int levels() const { return options_.levels; }
+  [[nodiscard]] float scale_factor() const { return options_.scale_factor; }
+
+ private:
+  void detect_level(int level, ImageFeatures& out);
+
+  FeatureOptions options_;
+  std::vector<float> scales_;
+  std::vector<int> wanted_;  // per level
+  std::vector<int> circle_;  // half width of the orientation patch per row
+  cv::Ptr<cv::ORB> orb_;
+  std::vector<cv::KeyPoint> corners_, cell_corners_;
+  std::vector<std::vector<cv::KeyPoint>> cells_;
+};
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/slam/feature_extractor.hpp"
+#include "dynslam/runtime/slam/tracker.hpp"
+
+namespace dynslam::runtime {
+
+/// The part of a frame's work that needs no pose: features and image pyramids. It is done ahead, on the
+/// thread that decodes the images; the tracker does itself what was not done.
+class FramePreparation {
+ public:
+  explicit FramePreparation(const TrackerOptions& options)
+      : extractor_(options.features), geometry_(options.geometry), flow_(uses_geometry(options.dynamics)) {}
+
+  void operator()(RgbdFrame& frame);
+
+ private:
+  FeatureExtractor extractor_;
+  GeometryOptions geometry_;
+  bool flow_;
+};
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "dynslam/eval/trajectory.hpp"
+#include "dynslam/runtime/nets/segmentation_stage.hpp"
+#include "dynslam/runtime/slam/tracker.hpp"
+
+namespace dynslam::runtime {
+
+/// What `dynslam run` does.
+struct RunOptions {
+  std::filesystem::path sequence, out;
+  std::string camera;  ///< fr1, fr2, fr3 or a file; empty: from the sequence
+  DynamicsMode dynamics = DynamicsMode::both;
+  std::filesystem::path masks;            ///< folder of a-priori masks; empty: none
+  SegmentationStageOptions segmentation;  ///< used where its model is set; not together with `masks`
+  bool save_masks = false;
+  bool map = true;                 ///< build and save map.ot
+  double map_resolution = 0.05;    ///< metres
+  std::filesystem::path load_map;  ///< folder of an earlier run's map, to go on in; empty: a new one
+  std::filesystem::path save_map;  ///< folder to save the map in; empty: not saved
+  std::size_t max_frames = 0;      ///< 0: all
+  std::uint64_t seed = 1;          ///< of every random choice
+  TrackerOptions tracker;          ///< its `dynamics` is set from the one above
+};
+
+struct StageStatistics {
+  double median_ms = 0, p95_ms = 0;
+};
+
+struct Progress {
+  std::size_t done = 0, total = 0;
+  double fps = 0, seconds_left = 0;
+  std::size_t lost = 0;
+};
+
+struct RunSummary {
+  std::size_t frames = 0;   ///< in the sequence (or up to the interruption)
+  std::size_t tracked = 0;  ///< with a pose in trajectory.txt
+  std::size_t lost = 0;     ///< read, but without a pose
+  std::size_t broken = 0;   ///< could not be read
+  double fps = 0, peak_rss_mb = 0;
+  std::map<std::string, StageStatistics> stages;
+  std::vector<StampedPose<double>> trajectory;
+  std::vector<LoopClosing> loops;
+  std::vector<std::string> problems;  ///< one line each, in order of frames
+  bool interrupted = false;
+};
+
+/// Runs a sequence and writes trajectory.txt, keyframes.txt, map.ot (and map_color.ot for octovis),
+/// timings.csv, summary.json and masks/ into `options.out`. What was computed is saved also when `stop`
+/// becomes true midway.
+/// @throws InputError  unreadable sequence or masks, unwritable output, or no frame tracked at all
+///         (the files are written first where possible)
+RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop,
+                        const std::function<void(const Progress&)>& progress = {});
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <exception>
+#include <filesystem>
+#include <mutex>
+#include <opencv2/core.hpp>
+#include <thread>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "dynslam/geometry/brown_conrady.hpp"
+#include "dynslam/geometry/se3.hpp"
+#include "dynslam/interop/octomap_semantic_tree.hpp"
+#include "dynslam/runtime/slam/map_scan.hpp"
+#include "dynslam/semantic/log_odds.hpp"
+
+namespace dynslam::runtime {
+
+struct SemanticMapperOptions {
+  double resolution = 0.05;  ///< metres
+  MapScanOptions scan;
+  LogOddsParams<float> occupancy;
+  std::size_t queue = 2;     ///< keyframes waiting; beyond, insert() blocks
+  bool retain_scans = true;  ///< keep what repose() needs, about 400 kB per keyframe
+};
+
+/// A keyframe's contribution to the map.
+struct MapKeyframe {
+  SE3<double> T_w_c;
+  cv::Mat depth;         ///< CV_32FC1 metres, NaN = invalid
+  cv::Mat dynamic_mask;  ///< CV_8UC1, nonzero is never mapped; empty: nothing masked
+  cv::Mat labels;        ///< CV_8UC1 of Label, or empty
+  cv::Mat bgr;           ///< CV_8UC3
+  int id = -1;           ///< names the keyframe in repose()
+};
+
+/// Fuses keyframes into a semantic octree on a thread of its own (paper, step 11; Eqs 9 to 12).
+///
+/// Per keyframe each voxel is updated once, occupied before free; people (Label::person) and masked pixels
+/// are never occupied, but the way to them is free. The result depends on the keyframes, the poses and their
+/// order alone.
+class SemanticMapper {
+ public:
+  SemanticMapper(const DistortedPinhole<double>& camera, int width, int height,
+                 const SemanticMapperOptions& options);
+
+  /// Queues a keyframe; the images are shared, not copied, and must not be changed afterwards.
+  /// Blocks while the queue is full. @throws what the thread met
+  void insert(MapKeyframe keyframe);
+  /// Queues a correction of keyframes' poses, as after a closed loop: the tree is built again from the scans
+  /// queued so far, in their order, with these poses; keyframes that are not named keep theirs, unknown names
+  /// are ignored. The tree is then what it would be had the keyframes come with these poses (the last one
+  /// given to each). Blocks while the queue is full. @throws UsageError without retained scans; what the
+  /// thread met
+  void repose(std::vector<std::pair<int, SE3<double>>> T_w_c);
+  /// Queues the scans of an earlier session (save_scans). @return their keyframes and poses
+  /// @throws InputError naming the file: missing, truncated, corrupt or of another camera
+  std::vector<std::pair<int, SE3<double>>> load_scans(const std::filesystem::path& path);
+  /// Waits until everything is in the tree. @throws what the thread met
+  void finish();
+  /// Writes the tree (`.ot` of type SemanticOcTree) through a temporary file. Call finish() first. @throws
+  /// InputError
+  void save(const std::filesystem::path& path) const;
+  /// Writes the retained scans. Call finish() first. @throws InputError
+  void save_scans(const std::filesystem::path& path) const;
+  /// Valid after finish().
+  [[nodiscard]] const interop::SemanticOcTree& tree() const { return tree_; }
+  /// Memory of the retained scans. Valid after finish().
+  [[nodiscard]] std::size_t retained_bytes() const;
+
+ private:
+  using Poses = std::vector<std::pair<int, SE3<double>>>;
+  struct Retained {
+    int id;
+    SE3<double> T_w_c;
+    MapScan scan;
+  };
+  using Scans = std::vector<Retained>;
+  using Job = std::variant<MapKeyframe, Poses, Scans>;
+
+  void enqueue(Job job);
+  void work(const std::stop_token& stop);
+  void fuse(const MapScan& scan, const SE3<double>& T_w_c);
+  void run(MapKeyframe& keyframe);
+  void run(Poses& poses);
+  void run(Scans& scans);
+
+  SemanticMapperOptions options_;
+  MapScanner scanner_;
+  interop::SemanticOcTree tree_;
+  ScanVoxels voxels_;
+  Scans retained_;
+
+  std::mutex mutex_;
+  std::condition_variable_any changed_;
+  std::deque<Job> queue_;
+  bool busy_ = false;
+  std::exception_ptr failure_;
+  std::jthread thread_;  // last: it uses all of the above
+};
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+
+namespace dynslam::runtime {
+
+/// What `dynslam synth` makes.
+struct SynthOptions {
+  std::uint64_t seed = 1;  ///< layout, colours, people, noise
+  int frames = 150;
+  std::string path =
+      "halfsphere";  ///< static, xyz, rpy, halfsphere (as TUM's camera motions); loop: once around in 18 s
+  /// walking; sitting (nobody walks); box (a box moves by itself); board (a large one, all texture); empty
+  std::string scenario = "walking";
+  int walkers = 2;  ///< people who walk (scenario walking)
+  bool box = true;  ///< the first walker carries a box that no segmenter has a class for
+  bool exposure_change = false;
+  bool motion_blur = false;
+  bool noise = true;                           ///< of colour and depth
+  int blackout_from = 0, blackout_frames = 0;  ///< frames in which the lens is covered
+  double fps = 30;
+};
+
+/// Renders a sequence of an office with people into `out` in TUM's layout: rgb/, depth/, their lists,
+/// associations.txt, groundtruth.txt (exact), camera.txt, and the truth of segmentation: label/
+/// (8 bit, see Label), instance/ (16 bit), dynamic_mask/ and box_mask/ (255 = visible mover, carried or
+/// moving box), synth.json. The same options give the same bytes, whatever the number of threads.
+/// @throws UsageError for impossible options, InputError when `out` cannot be written
+void synthesize(const SynthOptions& options, const std::filesystem::path& out,
+                const std::function<void(int done, int total)>& progress = {});
+
+}  // namespace dynslam::runtime

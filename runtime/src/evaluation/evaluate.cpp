@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/evaluation/evaluate.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <vector>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/image_io.hpp"
+#include "dynslam/runtime/io/trajectory_io.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+namespace fs = std::filesystem;
+
+nlohmann::json to_json(const Statistics<double>& s) {
+  return {{"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median},
+          {"std", s.std},   {"min", s.min},   {"max", s.max}};
+}
+
+std::string row(std::string_view name, const Statistics<double>& s) {
+  return fmt::format("{:<22} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f}\n", name, s.rmse, s.mean,
+                     s.median, s.std, s.min, s.max);
+}
+
+double ratio(std::size_t a, std::size_t b) {
+  return b > 0 ? static_cast<double>(a) / static_cast<double>(b) : 0.0;
+}
+
+}  // namespace
+
+TrajectoryReport evaluate_trajectory(std::span<const StampedPose<double>> estimate,
+                                     std::span<const StampedPose<double>> groundtruth,
+                                     const std::string& est_name, const std::string& gt_name) {
+  const auto ate = absolute_trajectory_error<double>(estimate, groundtruth);
+  if (!ate) {
+    throw InputError(gt_name, 0,
+                     fmt::format("cannot be aligned with {}: fewer than 3 poses within 0.02 s, or positions "
+                                 "on one line or in one place",
+                                 est_name));
+  }
+  const auto rpe = relative_pose_error<double>(estimate, groundtruth);
+  if (!rpe)
+    throw InputError(est_name, 0,
+                     fmt::format("has fewer than 2 intervals of 1 s with ground truth in {}", gt_name));
+  return {*ate, *rpe, end_error<double>(estimate, groundtruth).value_or(0.0)};
+}
+
+TrajectoryReport evaluate_trajectory(const fs::path& estimate, const fs::path& groundtruth) {
+  const auto est = read_trajectory(estimate), gt = read_trajectory(groundtruth);
+  return evaluate_trajectory(est, gt, estimate.string(), groundtruth.string());
+}
+
+nlohmann::json to_json(const TrajectoryReport& report) {
+  return {{"pairs", report.ate.pairs},
+          {"ate_m", to_json(report.ate.translation)},
+          {"rpe_trans_m", to_json(report.rpe.translation)},
+          {"rpe_rot_deg", to_json(report.rpe.rotation_deg)},
+          {"end_error_m", report.end_error}};
+}
+
+std::string to_text(const TrajectoryReport& report) {
+  return fmt::format("{} pairs{:>{}} {:>9} {:>9} {:>9} {:>9} {:>9}\n", report.ate.pairs, "RMSE",
+                     32 - 6 - static_cast<int>(std::to_string(report.ate.pairs).size()), "mean", "median",
+                     "S.D.", "min", "max") +
+         row("ATE [m]", report.ate.translation) + row("RPE translation [m/s]", report.rpe.translation) +
+         row("RPE rotation [deg/s]", report.rpe.rotation_deg) +
+         fmt::format("{:<22} {:>9.6f}\n", "first to last [m]", report.end_error);
+}
+
+MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth) {
+  for (const fs::path& folder : {predicted, truth}) {
+    if (!fs::is_directory(folder)) throw InputError(folder.string(), 0, "is not a folder");
+  }
+  std::vector<fs::path> names;
+  for (const auto& entry : fs::directory_iterator(truth)) {
+    if (entry.path().extension() == ".png") names.push_back(entry.path().filename());
+  }
+  std::sort(names.begin(), names.end());
+  if (names.empty()) throw InputError(truth.string(), 0, "holds no PNG masks");
+  MaskReport report;
+  std::size_t both = 0, either = 0, in_truth = 0, in_prediction = 0;
+  for (const fs::path& name : names) {
+    const cv::Mat expected = read_image(truth / name, cv::IMREAD_GRAYSCALE) != 0;
+    cv::Mat found = cv::Mat::zeros(expected.size(), CV_8UC1);
+    if (fs::exists(predicted / name)) {
+      found = read_image(predicted / name, cv::IMREAD_GRAYSCALE) != 0;
+      if (found.size() != expected.size())
+        throw InputError((predicted / name).string(), 0, "and its truth differ in size");
+    } else {
+      ++report.missing;
+    }
+    const auto common = static_cast<std::size_t>(cv::countNonZero(found & expected));
+    const auto wanted = static_cast<std::size_t>(cv::countNonZero(expected));
+    both += common;
+    in_truth += wanted;
+    in_prediction += static_cast<std::size_t>(cv::countNonZero(found));
+    either += static_cast<std::size_t>(cv::countNonZero(found | expected));
+    if (wanted > 0 && ratio(common, wanted) < 0.3) ++report.frames_recall_below_0_3;
+    ++report.frames;
+  }
+  if (report.missing == report.frames)
+    throw InputError(predicted.string(), 0, "has no mask in common with " + truth.string());
+  report.iou = ratio(both, either);
+  report.recall = ratio(both, in_truth);
+  report.precision = ratio(both, in_prediction);
+  return report;
+}
+
+nlohmann::json to_json(const MaskReport& r) {
+  return {{"frames", r.frames},
+          {"missing", r.missing},
+          {"iou", r.iou},
+          {"recall", r.recall},
+          {"precision", r.precision},
+          {"frames_recall_below_0_3", r.frames_recall_below_0_3}};
+}
+
+std::string to_text(const MaskReport& r) {
+  return fmt::format(
+      "{} frames ({} without a prediction): recall {:.4f}, IoU {:.4f}, precision {:.4f}, {} frames with "
+      "recall below 0.3\n",
+      r.frames, r.missing, r.recall, r.iou, r.precision, r.frames_recall_below_0_3);
+}
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/io/camera.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <string_view>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/text_lines.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+CameraConfig make(std::string name, const std::array<double, 4>& k, const std::array<double, 5>& d,
+                  double units) {
+  CameraConfig camera;
+  camera.name = std::move(name);
+  camera.model = DistortedPinhole<double>(Pinhole<double>(k[0], k[1], k[2], k[3]),
+                                          BrownConrady<double>(d[0], d[1], d[2], d[3], d[4]));
+  camera.depth_units_per_metre = units;
+  return camera;
+}
+
+std::string_view trim(std::string_view text) {
+  const auto first = text.find_first_not_of(" \t\r\"");
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(" \t\r\"") - first + 1);
+}
+
+}  // namespace
+
+CameraConfig parse_camera(std::istream& in, const std::string& file) {
+  std::map<std::string, double, std::less<>> value{{"k1", 0}, {"k2", 0}, {"p1", 0},
+                                                   {"p2", 0}, {"k3", 0}, {"depth_units_per_metre", 5000}};
+  std::string name = std::filesystem::path(file).stem().string();
+  constexpr std::array<std::string_view, 12> keys{
+      "width", "height", "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "depth_units_per_metre"};
+  LineReader reader(in);
+  while (reader.next()) {
+    const std::string_view line = reader.line();
+    const auto equals = line.find('=');
+    if (equals == std::string_view::npos) throw InputError(file, reader.number(), "expected 'key = value'");
+    const std::string_view key = trim(line.substr(0, equals)), text = trim(line.substr(equals + 1));
+    if (key == "name") {
+      name = text;
+      continue;
+    }
+    if (std::find(keys.begin(), keys.end(), key) == keys.end()) {
+      throw InputError(file, reader.number(), fmt::format("unknown key '{}'", key));
+    }
+    const auto number = parse_number(text);
+    if (!number) throw InputError(file, reader.number(), fmt::format("'{}' is not a finite number", text));
+    value[std::string(key)] = *number;
+  }
+  for (const auto key : keys) {
+    if (!value.contains(key)) throw InputError(file, 0, fmt::format("'{}' is missing", key));
+  }
+  const double width = value["width"], height = value["height"];
+  for (const double size : {width, height}) {
+    if (!(size >= 64 && size <= 8192) || size != static_cast<int>(size))
+      throw InputError(file, 0, "width and height must be whole numbers from 64 to 8192");
+  }
+  if (!(value["fx"] > 0 && value["fy"] > 0)) throw InputError(file, 0, "fx and fy must be positive");
+  if (!(value["depth_units_per_metre"] > 0))
+    throw InputError(file, 0, "depth_units_per_metre must be positive");
+  CameraConfig camera =
+      make(name, {value["fx"], value["fy"], value["cx"], value["cy"]},
+           {value["k1"], value["k2"], value["p1"], value["p2"], value["k3"]}, value["depth_units_per_metre"]);
+  camera.width = static_cast<int>(width);
+  camera.height = static_cast<int>(height);
+  return camera;
+}
+
+CameraConfig load_camera(const std::string& name_or_file) {
+  // Calibrations published with the TUM RGB-D data set.
+  if (name_or_file == "fr1") {
+    return make("fr1", {517.306, 516.469, 318.643, 255.314},
+                {0.262383, -0.953104, -0.005358, 0.002628, 1.163314}, 5000);
+  }
+  if (name_or_file == "fr2") {
+    return make("fr2", {520.909, 521.007, 325.141, 249.702},
+                {0.231222, -0.784899, -0.003257, -0.000105, 0.917205}, 5208);
+  }
+  if (name_or_file == "fr3") return make("fr3", {535.4, 539.2, 320.1, 247.6}, {0, 0, 0, 0, 0}, 5000);
+  if (name_or_file.empty())
+    throw UsageError("the camera is not known from the sequence: give --camera fr1|fr2|fr3|FILE");
+  std::ifstream in(name_or_file);
+  if (!in || std::filesystem::is_directory(name_or_file)) {
+    throw UsageError(
+        fmt::format("unknown camera '{}': neither fr1, fr2, fr3 nor a readable file", name_or_file));
+  }
+  return parse_camera(in, name_or_file);
+}
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/io/saved_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "io/binary_file.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kMagic = "dynslam keyframes";
+constexpr std::uint32_t kVersion = 1;
+constexpr int kMaxOctave = 31;
+
+// What is written as a block of memory.
+static_assert(std::is_trivially_copyable_v<Feature> && sizeof(Feature) == 32);
+static_assert(std::is_trivially_copyable_v<Descriptor> && sizeof(Descriptor) == 32);
+
+fs::path beside(const fs::path& folder, const char* suffix) {
+  const fs::path clean = folder.has_filename() ? folder : folder.parent_path();
+  return clean.string() + suffix;
+}
+
+void put(BinaryWriter& out, const CameraConfig& camera) {
+  const auto& pinhole = camera.model.pinhole();
+  out.put(static_cast<std::int32_t>(camera.width));
+  out.put(static_cast<std::int32_t>(camera.height));
+  for (const double k : {pinhole.fx(), pinhole.fy(), pinhole.cx(), pinhole.cy()}) out.put(k);
+  // The lens by what it does: where three pixels go.
+  for (const auto& x :
+       {Eigen::Vector2d(0, 0), Eigen::Vector2d(camera.width, 0), Eigen::Vector2d(0, camera.height)}) {
+    const Eigen::Vector2d y = camera.model.distort_pixel(x);
+    out.put(y.x());
+    out.put(y.y());
+  }
+}
+
+void put(BinaryWriter& out, const Keyframe& k) {
+  out.put(static_cast<std::uint64_t>(k.frame.index));
+  out.put(k.frame.t);
+  out.put(k.frame.T_c_w);
+  out.put(static_cast<std::int32_t>(k.parent));
+  out.put(k.T_c_parent);
+  out.put(k.frame.features);
+  out.put(k.frame.descriptors);
+  out.put(k.frame.point);
+  out.put(k.frame.dynamic);
+}
+
+void put(BinaryWriter& out, const MapPoint& p) {
+  out.put(static_cast<std::uint8_t>(p.bad ? 1 : 0));
+  out.put(static_cast<std::int32_t>(p.merged_into));
+  if (p.bad) return;
+  out.put(p.p_w);
+  out.put(p.viewing);
+  for (const std::uint64_t word : p.descriptor) out.put(word);
+  out.put(static_cast<std::int32_t>(p.patch.level));
+  if (p.patch.level >= 0) {
+    out.put(std::string_view(reinterpret_cast<const char*>(p.patch.grey.data()), p.patch.grey.size()));
+    for (const float x :
+         {p.patch.centre.x(), p.patch.centre.y(), p.patch.ideal.x(), p.patch.ideal.y(), p.patch.depth})
+      out.put(x);
+    out.put(static_cast<std::int32_t>(p.patch.keyframe));
+  }
+  out.put(p.information);
+  out.put(p.reference_distance);
+  for (const int n : {p.reference_octave, p.visible, p.found, p.on_mover})
+    out.put(static_cast<std::int32_t>(n));
+  out.put(p.keyframes);
+}
+
+Keyframe get_keyframe(BinaryReader& in, int id, int count, int points, const CameraConfig& camera) {
+  Keyframe k;
+  k.id = id;
+  k.frame.index = static_cast<std::size_t>(in.get<std::uint64_t>());
+  k.frame.t = in.get<double>();
+  k.frame.T_c_w = in.get<SE3<double>>();
+  k.parent = in.get<std::int32_t>();
+  k.T_c_parent = in.get<SE3<double>>();
+  in.get(k.frame.features);
+  in.get(k.frame.descriptors);
+  in.get(k.frame.point);
+  in.get(k.frame.dynamic);
+  const std::size_t n = k.frame.features.size();
+  in.require(std::isfinite(k.frame.t) && k.parent >= -1 && k.parent < count && k.parent != id &&
+                 k.frame.descriptors.size() == n && k.frame.point.size() == n && k.frame.dynamic.size() == n,
+             "holds a keyframe that contradicts itself");
+  for (std::size_t i = 0; i < n; ++i) {
+    const Feature& f = k.frame.features[i];
+    in.require(std::isfinite(f.x) && std::isfinite(f.y) && std::isfinite(f.depth) && f.sigma > 0 &&
+                   f.octave >= 0 && f.octave <= kMaxOctave && k.frame.point[i] >= -1 &&
+                   k.frame.point[i] < points,
+               "holds a feature that cannot be");
+  }
+  k.frame.grid.build(k.frame.features, camera.width, camera.height);
+  return k;
+}
+
+MapPoint get_point(BinaryReader& in, int keyframes, int points) {
+  MapPoint p;
+  p.bad = in.get<std::uint8_t>() != 0;
+  p.merged_into = in.get<std::int32_t>();
+  in.require(p.merged_into >= -1 && p.merged_into < points, "holds a map point that contradicts itself");
+  if (p.bad) return p;
+  p.p_w = in.get<Eigen::Vector3d>();
+  p.viewing = in.get<Eigen::Vector3d>();
+  for (auto& word : p.descriptor) word = in.get<std::uint64_t>();
+  const auto level = in.get<std::int32_t>();
+  in.require(level >= -1 && level <= kMaxOctave, "holds a patch that cannot be");
+  p.patch.level = static_cast<std::int16_t>(level);
+  if (level >= 0) {
+    const auto grey = in.get<std::string>();
+    in.require(grey.size() == p.patch.grey.size(), "holds a patch that cannot be");
+    std::memcpy(p.patch.grey.data(), grey.data(), grey.size());
+    for (float* x :
+         {&p.patch.centre.x(), &p.patch.centre.y(), &p.patch.ideal.x(), &p.patch.ideal.y(), &p.patch.depth}) {
+      *x = in.get<float>();
+      in.require(std::isfinite(*x), "holds a patch that cannot be");
+    }
+    const auto half = static_cast<float>(PointPatch::kSide);
+    p.patch.keyframe = in.get<std::int32_t>();
+    in.require(p.patch.keyframe >= 0 && p.patch.keyframe < keyframes && p.patch.centre.minCoeff() >= 0 &&
+                   p.patch.centre.maxCoeff() < half,
+               "holds a patch that cannot be");
+  }
+  p.information = in.get<double>();
+  p.reference_distance = in.get<float>();
+  for (int* n : {&p.reference_octave, &p.visible, &p.found, &p.on_mover}) *n = in.get<std::int32_t>();
+  in.get(p.keyframes);
+  in.require(
+      std::all_of(p.keyframes.begin(), p.keyframes.end(), [&](int k) { return k >= 0 && k < keyframes; }) &&
+          !p.keyframes.empty() && p.reference_distance > 0,
+      "holds a map point that contradicts itself");
+  return p;
+}
+
+void rename_or_throw(const fs::path& from, const fs::path& to) {
+  std::error_code error;
+  fs::rename(from, to, error);
+  if (error) throw InputError(to.string(), 0, "cannot be written: " + error.message());
+}
+
+}  // namespace
+
+void check_map_folder(const fs::path& folder) {
+  std::error_code error;
+  if (fs::exists(folder) &&
+      !(fs::is_directory(folder) && (fs::is_empty(folder, error) || fs::exists(folder / "keyframes.bin"))))
+    throw InputError(folder.string(), 0, "is not a saved map and would be replaced");
+  const fs::path partial = beside(folder, ".partial");
+  fs::create_directories(partial, error);
+  if (error) throw InputError(partial.string(), 0, "cannot be made a folder: " + error.message());
+}
+
+void save_slam_map(const LocalMap& map, const CameraConfig& camera, const SemanticMapper* mapper,
+                   const fs::path& folder) {
+  check_map_folder(folder);
+  BinaryWriter out;
+  put(out, camera);
+  out.put(static_cast<std::uint64_t>(map.keyframes().size()));
+  out.put(static_cast<std::uint64_t>(map.points().size()));
+  for (const Keyframe& k : map.keyframes()) put(out, k);
+  for (const MapPoint& p : map.points()) put(out, p);
+  const fs::path partial = beside(folder, ".partial"), old = beside(folder, ".old");
+  write_binary(partial / "keyframes.bin", kMagic, kVersion, out);
+  if (mapper != nullptr) {
+    mapper->save_scans(partial / "scans.bin");
+    mapper->save(partial / "map.ot");
+  }
+  std::error_code ignored;
+  fs::remove_all(old, ignored);
+  if (fs::exists(folder)) rename_or_throw(folder, old);
+  rename_or_throw(partial, folder);
+  fs::remove_all(old, ignored);
+}
+
+LocalMap load_slam_map(const fs::path& folder, const CameraConfig& camera) {
+  if (!fs::is_directory(folder)) throw InputError(folder.string(), 0, "is not a folder with a saved map");
+  BinaryReader in = read_binary(folder / "keyframes.bin", kMagic, kVersion);
+  BinaryWriter expected;
+  put(expected, camera);
+  for (const char c : expected.bytes())
+    in.require(in.get<char>() == c,
+               "was made with another camera: sizes, focal lengths or distortion differ");
+  const std::size_t keyframes = in.count(16), points = in.count(5);
+  std::vector<Keyframe> all_keyframes;
+  std::vector<MapPoint> all_points;
+  for (std::size_t k = 0; k < keyframes; ++k)
+    all_keyframes.push_back(
+        get_keyframe(in, static_cast<int>(k), static_cast<int>(keyframes), static_cast<int>(points), camera));
+  for (std::size_t p = 0; p < points; ++p)
+    all_points.push_back(get_point(in, static_cast<int>(keyframes), static_cast<int>(points)));
+  in.finish();
+  // Chains of culled keyframes and of merged points must end.
+  const auto ends = [](std::size_t n, auto&& next) {
+    for (std::size_t i = 0; i < n; ++i) {
+      std::size_t steps = 0;
+      for (int at = static_cast<int>(i); at >= 0; at = next(static_cast<std::size_t>(at))) {
+        if (++steps > n) return false;
+      }
+    }
+    return true;
+  };
+  in.require(!all_keyframes.empty() && !all_keyframes[0].culled(), "holds no keyframe");
+  in.require(
+      ends(keyframes, [&](std::size_t k) { return all_keyframes[k].parent; }) &&
+          ends(points, [&](std::size_t p) { return all_points[p].bad ? all_points[p].merged_into : -1; }),
+      "holds references that go in circles");
+  return LocalMap(std::move(all_keyframes), std::move(all_points));
+}
+
+}  // namespace dynslam::runtime

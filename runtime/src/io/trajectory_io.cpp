@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/io/trajectory_io.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <fstream>
+#include <system_error>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/text_lines.hpp"
+
+namespace dynslam::runtime {
+
+std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::string& name) {
+  std::vector<StampedPose<double>> trajectory;
+  LineReader reader(in);
+  while (reader.next()) {
+    const auto words = split_words(reader.line());
+    if (words.size() != 8) {
+      throw InputError(
+          name, reader.number(),
+          fmt::format("expected 8 columns (timestamp tx ty tz qx qy qz qw), found {}", words.size()));
+    }
+    std::array<double, 8> value{};
+    for (std::size_t i = 0; i < value.size(); ++i) {
+      const auto number = parse_number(words[i]);
+      if (!number)
+        throw InputError(name, reader.number(), fmt::format("'{}' is not a finite number", words[i]));
+      value[i] = *number;
+    }
+    const Eigen::Quaterniond q(value[7], value[4], value[5], value[6]);
+    if (!(q.norm() > 1e-6)) throw InputError(name, reader.number(), "the quaternion is zero");
+    trajectory.push_back(
+        {value[0], SE3<double>(q.normalized(), Eigen::Vector3d(value[1], value[2], value[3]))});
+  }
+  if (in.bad()) throw InputError(name, 0, "cannot be read");
+  if (trajectory.empty()) throw InputError(name, 0, "holds no poses");
+  // As TUM's tools: by time, and of equal stamps the last one counts. Published trajectories and
+  // TUM's own fr3_walking_static ground truth need it.
+  std::stable_sort(trajectory.begin(), trajectory.end(),
+                   [](const auto& a, const auto& b) { return a.t < b.t; });
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < trajectory.size(); ++i) {
+    if (i + 1 < trajectory.size() && trajectory[i + 1].t == trajectory[i].t) continue;
+    trajectory[kept++] = trajectory[i];
+  }
+  trajectory.erase(trajectory.begin() + static_cast<std::ptrdiff_t>(kept), trajectory.end());
+  return trajectory;
+}
+
+std::vector<StampedPose<double>> read_trajectory(const std::filesystem::path& path) {
+  std::ifstream in(path);
+  if (!in || std::filesystem::is_directory(path)) throw InputError(path.string(), 0, "cannot be opened");
+  return parse_trajectory(in, path.string());
+}
+
+void write_trajectory(const std::filesystem::path& path, std::span<const StampedPose<double>> trajectory) {
+  const std::filesystem::path temporary = path.string() + ".tmp";
+  {
+    std::ofstream out(temporary);
+    out << "# timestamp tx ty tz qx qy qz qw\n";
+    for (const auto& [t, T] : trajectory) {
+      const auto& p = T.translation();
+      const auto& q = T.so3().quaternion();
+      out << fmt::format("{:.6f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f}\n", t, p.x(), p.y(), p.z(),
+                         q.x(), q.y(), q.z(), q.w());
+    }
+    out.flush();
+    if (!out) throw InputError(path.string(), 0, "cannot be written");
+  }
+  std::error_code error;
+  std::filesystem::rename(temporary, path, error);
+  if (error) throw InputError(path.string(), 0, "cannot be written: " + error.message());
+}
+
+}  // namespace dynslam::runtime

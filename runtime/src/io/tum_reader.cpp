@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/io/tum_reader.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <string_view>
+#include <utility>
+
+#include "dynslam/image/depth.hpp"
+#include "dynslam/interop/opencv.hpp"
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/image_io.hpp"
+#include "dynslam/runtime/io/text_lines.hpp"
+#include "dynslam/runtime/io/trajectory_io.hpp"
+#include "slam/thread_priority.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+namespace fs = std::filesystem;
+
+double parse_stamp(std::string_view word, const std::string& name, std::size_t line) {
+  const auto t = parse_number(word);
+  if (!t || *t < 0) throw InputError(name, line, fmt::format("'{}' is not a time stamp", word));
+  return *t;
+}
+
+void check_increasing(double previous, double t, const std::string& name, std::size_t line) {
+  if (t == previous) throw InputError(name, line, "the time stamp occurs twice");
+  if (t < previous) throw InputError(name, line, "the time stamps are not sorted");
+}
+
+std::vector<ListEntry> read_list(const fs::path& path) {
+  std::ifstream in(path);
+  if (!in) throw InputError(path.string(), 0, "cannot be opened");
+  auto list = parse_list(in, path.string());
+  if (list.empty()) throw InputError(path.string(), 0, "lists no images");
+  return list;
+}
+
+/// TUM names the camera in its folder names: rgbd_dataset_freiburg1_xyz, fr1_xyz.
+std::string guess_camera(const fs::path& root) {
+  if (fs::exists(root / "camera.txt")) return (root / "camera.txt").string();
+  fs::path folder = fs::absolute(root).lexically_normal();
+  if (!folder.has_filename()) folder = folder.parent_path();
+  const std::string name = folder.filename().string();
+  for (const char digit : {'1', '2', '3'}) {
+    if (name.find(std::string("freiburg") + digit) != std::string::npos ||
+        name.starts_with(std::string("fr") + digit)) {
+      return std::string("fr") + digit;
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+std::vector<ListEntry> parse_list(std::istream& in, const std::string& name) {
+  std::vector<ListEntry> list;
+  LineReader reader(in);
+  while (reader.next()) {
+    const auto words = split_words(reader.line());
+    if (words.size() != 2) {
+      throw InputError(name, reader.number(),
+                       fmt::format("expected 2 columns (timestamp file), found {}", words.size()));
+    }
+    const double t = parse_stamp(words[0], name, reader.number());
+    if (!list.empty()) check_increasing(list.back().t, t, name, reader.number());
+    list.push_back({t, std::string(words[0]), std::string(words[1])});
+  }
+  return list;
+}
+
+std::vector<FrameRecord> parse_associations(std::istream& in, const std::string& name) {
+  std::vector<FrameRecord> frames;
+  LineReader reader(in);
+  while (reader.next()) {
+    const auto words = split_words(reader.line());
+    if (words.size() != 4) {
+      throw InputError(
+          name, reader.number(),
+          fmt::format("expected 4 columns (rgb time, rgb file, depth time, depth file), found {}",
+                      words.size()));
+    }
+    FrameRecord record;
+    record.t_rgb = parse_stamp(words[0], name, reader.number());
+    record.t_depth = parse_stamp(words[2], name, reader.number());
+    if (!frames.empty()) check_increasing(frames.back().t_rgb, record.t_rgb, name, reader.number());
+    record.stamp = words[0];
+    record.rgb = words[1];
+    record.depth = words[3];
+    frames.push_back(std::move(record));
+  }
+  return frames;
+}
+
+Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
+  if (!fs::is_directory(root)) throw InputError(root.string(), 0, "is not a folder");
+  Sequence sequence;
+  sequence.root = root;
+  if (const fs::path path = root / "associations.txt"; fs::exists(path)) {
+    std::ifstream in(path);
+    if (!in) throw InputError(path.string(), 0, "cannot be opened");
+    sequence.frames = parse_associations(in, path.string());
+    if (sequence.frames.empty()) throw InputError(path.string(), 0, "lists no images");
+  } else {
+    const auto rgb = read_list(root / "rgb.txt"), depth = read_list(root / "depth.txt");
+    std::vector<double> t_rgb, t_depth;
+    for (const auto& e : rgb) t_rgb.push_back(e.t);
+    for (const auto& e : depth) t_depth.push_back(e.t);
+    for (const auto& [i, j] : associate<double>(t_rgb, t_depth, options.max_association_difference)) {
+      sequence.frames.push_back({rgb[i].t, depth[j].t, rgb[i].stamp, rgb[i].path, depth[j].path});
+    }
+    if (sequence.frames.empty()) {
+      throw InputError(
+          root.string(), 0,
+          fmt::format("no colour image has a depth image within {} s", options.max_association_difference));
+    }
+  }
+  for (FrameRecord& record : sequence.frames) {
+    record.rgb = root / record.rgb;
+    record.depth = root / record.depth;
+  }
+  if (options.max_frames > 0 && sequence.frames.size() > options.max_frames)
+    sequence.frames.resize(options.max_frames);
+  if (const fs::path path = root / "groundtruth.txt"; fs::exists(path))
+    sequence.groundtruth = read_trajectory(path);
+  sequence.camera_hint = guess_camera(root);
+  return sequence;
+}
+
+RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const CameraConfig& camera) {
+  const auto check_size = [&](const cv::Mat& image, const fs::path& path) {
+    if (image.cols != camera.width || image.rows != camera.height) {
+      throw InputError(path.string(), 0,
+                       fmt::format("is {}x{}, the camera's images are {}x{}", image.cols, image.rows,
+                                   camera.width, camera.height));
+    }
+  };
+  RgbdFrame frame;
+  frame.index = index;
+  frame.t = record.t_rgb;
+  frame.depth_delay = record.t_depth - record.t_rgb;
+  frame.stamp = record.stamp;
+  frame.bgr = read_image(record.rgb, cv::IMREAD_COLOR);
+  check_size(frame.bgr, record.rgb);
+  const cv::Mat raw = read_image(record.depth, cv::IMREAD_UNCHANGED);
+  check_size(raw, record.depth);
+  if (raw.type() != CV_16UC1)
+    throw InputError(record.depth.string(), 0, "is not a 16-bit image of one channel");
+  cv::cvtColor(frame.bgr, frame.gray, cv::COLOR_BGR2GRAY);
+  frame.depth.create(raw.size(), CV_32FC1);
+  depth_to_metres<float>(interop::view<const std::uint16_t>(raw),
+                         static_cast<float>(camera.depth_units_per_metre), interop::view<float>(frame.depth));
+  return frame;
+}
+
+FrameStream::FrameStream(const Sequence& sequence, const CameraConfig& camera, const StreamOptions& options)
+    : frames_(sequence.frames),
+      camera_(camera),
+      options_(options),
+      thread_([this](const std::stop_token& stop) { decode(stop); }) {}
+
+void FrameStream::decode(const std::stop_token& stop) {
+  step_back(StepBack::some);
+  for (std::size_t i = 0; i < frames_.size() && !stop.stop_requested(); ++i) {
+    FrameResult result;
+    result.index = i;
+    result.record = frames_[i];
+    try {
+      result.frame = decode_frame(frames_[i], i, camera_);
+      if (options_.prepare) options_.prepare(*result.frame);
+    } catch (const std::exception& error) {  // a broken frame is the reader's to judge, not the thread's
+      result.error = error.what();
+    }
+    std::unique_lock lock(mutex_);
+    if (!changed_.wait(lock, stop, [&] { return queue_.size() < std::max<std::size_t>(1, options_.queue); }))
+      return;
+    queue_.push_back(std::move(result));
+    changed_.notify_all();
+  }
+  const std::lock_guard lock(mutex_);
+  finished_ = true;
+  changed_.notify_all();
+}
+
+std::optional<FrameResult> FrameStream::next() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return !queue_.empty() || finished_; });
+  if (queue_.empty()) return std::nullopt;
+  FrameResult result = std::move(queue_.front());
+  queue_.pop_front();
+  changed_.notify_all();
+  return result;
+}
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#ifdef DYNSLAM_HAVE_ONNXRUNTIME
+#include <onnxruntime_cxx_api.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/nets/inference_engine.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+/// One line of what ONNX Runtime says: its messages run over many.
+std::string first_line(std::string text) {
+  const auto end = text.find('\n');
+  if (end != std::string::npos) text.resize(end);
+  return text;
+}
+
+template <class T>
+void convert(const Ort::Value& value, std::size_t count, std::vector<float>& out) {
+  const T* data = value.GetTensorData<T>();
+  std::transform(data, data + count, out.begin(), [](T x) { return static_cast<float>(x); });
+}
+
+class OnnxRuntimeEngine final : public InferenceEngine {
+ public:
+  OnnxRuntimeEngine(const std::filesystem::path& model, int threads)
+      : file_(model.string()), environment_(ORT_LOGGING_LEVEL_FATAL, "dynslam") {
+    Ort::SessionOptions options;
+    options.SetIntraOpNumThreads(std::max(1, threads));
+    options.SetInterOpNumThreads(1);
+    options.SetGraphOptimizationLevel(GraphOptimizationLevel::ORT_ENABLE_ALL);
+    // Waiting threads sleep: the tracker needs the cores.
+    options.AddConfigEntry("session.intra_op.allow_spinning", "0");
+    try {
+      session_ = Ort::Session(environment_, model.c_str(), options);
+      Ort::AllocatorWithDefaultOptions allocator;
+      for (std::size_t i = 0; i < session_.GetInputCount(); ++i) {
+        const auto type = session_.GetInputTypeInfo(i);
+        if (type.GetONNXType() != ONNX_TYPE_TENSOR)
+          throw InputError(file_, 0, "has an input that is no tensor");
+        const auto tensor = type.GetTensorTypeAndShapeInfo();
+        if (tensor.GetElementType() != ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT) {
+          throw InputError(file_, 0, "has an input that is not of type float");
+        }
+        inputs_.push_back({session_.GetInputNameAllocated(i, allocator).get(), tensor.GetShape()});
+      }
+      for (std::size_t i = 0; i < session_.GetOutputCount(); ++i) {
+        const auto type = session_.GetOutputTypeInfo(i);
+        std::vector<std::int64_t> shape;
+        if (type.GetONNXType() == ONNX_TYPE_TENSOR) shape = type.GetTensorTypeAndShapeInfo().GetShape();
+        outputs_.push_back({session_.GetOutputNameAllocated(i, allocator).get(), std::move(shape)});
+      }
+      const Ort::ModelMetadata metadata = session_.GetModelMetadata();
+      for (const auto& key : metadata.GetCustomMetadataMapKeysAllocated(allocator)) {
+        const auto value = metadata.LookupCustomMetadataMapAllocated(key.get(), allocator);
+        metadata_[key.get()] = value ? value.get() : "";
+      }
+    } catch (const Ort::Exception& e) {
+      throw InputError(file_, 0, "cannot be loaded: " + first_line(e.what()));
+    }
+  }
+
+  void run(std::span<const float> input, std::span<const std::int64_t> shape,
+           std::vector<Tensor>& outputs) override {
+    try {
+      const auto memory = Ort::MemoryInfo::CreateCpu(OrtArenaAllocator, OrtMemTypeDefault);
+      // The C interface takes a pointer to non-const; the data is not changed.
+      const Ort::Value tensor = Ort::Value::CreateTensor<float>(memory, const_cast<float*>(input.data()),
+                                                                input.size(), shape.data(), shape.size());
+      const char* input_name = inputs_.front().name.c_str();
+      std::vector<const char*> names;
+      for (const auto& o : outputs_) names.push_back(o.name.c_str());
+      const auto values =
+          session_.Run(Ort::RunOptions{nullptr}, &input_name, &tensor, 1, names.data(), names.size());
+      outputs.resize(values.size());
+      for (std::size_t i = 0; i < values.size(); ++i) {
+        const auto info = values[i].GetTensorTypeAndShapeInfo();
+        const std::size_t count = info.GetElementCount();
+        outputs[i].name = outputs_[i].name;
+        outputs[i].shape = info.GetShape();
+        outputs[i].data.resize(count);
+        switch (info.GetElementType()) {
+          case ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT:
+            convert<float>(values[i], count, outputs[i].data);
+            break;
+          case ONNX_TENSOR_ELEMENT_DATA_TYPE_INT64:
+            convert<std::int64_t>(values[i], count, outputs[i].data);
+            break;
+          case ONNX_TENSOR_ELEMENT_DATA_TYPE_INT32:
+            convert<std::int32_t>(values[i], count, outputs[i].data);
+            break;
+          case ONNX_TENSOR_ELEMENT_DATA_TYPE_UINT8:
+            convert<std::uint8_t>(values[i], count, outputs[i].data);
+            break;
+          default:
+            throw InputError(file_, 0,
+                             "output " + outputs_[i].name + " is neither float nor an integer type");
+        }
+      }
+    } catch (const Ort::Exception& e) {
+      throw InputError(file_, 0, "cannot be run: " + first_line(e.what()));
+    }
+  }
+
+  [[nodiscard]] const std::vector<TensorInfo>& inputs() const override { return inputs_; }
+  [[nodiscard]] const std::vector<TensorInfo>& outputs() const override { return outputs_; }
+  [[nodiscard]] const std::map<std::string, std::string>& metadata() const override { return metadata_; }
+  [[nodiscard]] std::string_view name() const override { return "onnxruntime"; }
+
+ private:
+  std::string file_;
+  Ort::Env environment_;
+  Ort::Session session_{nullptr};
+  std::vector<TensorInfo> inputs_, outputs_;
+  std::map<std::string, std::string> metadata_;
+};
+
+}  // namespace
+
+std::unique_ptr<InferenceEngine> make_onnxruntime_engine(const std::filesystem::path& model, int threads) {
+  return std::make_unique<OnnxRuntimeEngine>(model, threads);
+}
+
+}  // namespace dynslam::runtime
+#endif

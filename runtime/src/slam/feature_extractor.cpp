@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/slam/feature_extractor.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <opencv2/imgproc.hpp>
+
+namespace dynslam::runtime {
+namespace {
+
+constexpr int kHalfPatch = 15;  // ORB's orientation and descriptor patch is 31 x 31
+constexpr int kBorder = 19;     // the rotated descriptor pattern reaches this far
+
+/// Angle of the intensity centroid in degrees, [0, 360) (Rublee et al. 2011).
+float centroid_angle(const cv::Mat& image, int u, int v, const std::vector<int>& circle) {
+  int m01 = 0, m10 = 0;
+  const auto step = static_cast<std::ptrdiff_t>(image.step1());
+  const std::uint8_t* centre = image.ptr<std::uint8_t>(v) + u;
+  for (int x = -kHalfPatch; x <= kHalfPatch; ++x) m10 += x * centre[x];
+  for (int y = 1; y <= kHalfPatch; ++y) {
+    int row_difference = 0;
+    const int half = circle[static_cast<std::size_t>(y)];
+    const std::uint8_t* below = centre + y * step;
+    const std::uint8_t* above = centre - y * step;
+    for (int x = -half; x <= half; ++x) {
+      row_difference += below[x] - above[x];
+      m10 += x * (below[x] + above[x]);
+    }
+    m01 += y * row_difference;
+  }
+  return cv::fastAtan2(static_cast<float>(m01), static_cast<float>(m10));
+}
+
+/// Strongest first; ties by position so that the order does not depend on the sort.
+bool stronger(const cv::KeyPoint& a, const cv::KeyPoint& b) {
+  if (a.response != b.response) return a.response > b.response;
+  if (a.pt.y != b.pt.y) return a.pt.y < b.pt.y;
+  return a.pt.x < b.pt.x;
+}
+
+}  // namespace
+
+FeatureExtractor::FeatureExtractor(const FeatureOptions& options) : options_(options) {
+  float scale = 1.0F, total = 0.0F;
+  for (int level = 0; level < options_.levels; ++level) {
+    scales_.push_back(scale);
+    total += 1.0F / scale;
+    scale *= options_.scale_factor;
+  }
+  for (const float s : scales_) {
+    wanted_.push_back(static_cast<int>(std::lround(static_cast<float>(options_.features) / s / total)));
+  }
+  for (int y = 0; y <= kHalfPatch; ++y) {
+    circle_.push_back(static_cast<int>(std::lround(std::sqrt(kHalfPatch * kHalfPatch - y * y))));
+  }
+  orb_ = cv::ORB::create(options_.features, options_.scale_factor, options_.levels, kBorder, 0, 2,
+                         cv::ORB::FAST_SCORE, 2 * kHalfPatch + 1, options_.fast_threshold);
+}
+
+void FeatureExtractor::detect_level(int level, ImageFeatures& out) {
+  const cv::Mat& image = out.pyramid.levels[static_cast<std::size_t>(level)];
+  const int width = image.cols - 2 * kBorder, height = image.rows - 2 * kBorder;
+  if (width < options_.cell || height < options_.cell) return;
+  const int columns = std::max(1, width / options_.cell), rows = std::max(1, height / options_.cell);
+  const float cell_w = static_cast<float>(width) / static_cast<float>(columns);
+  const float cell_h = static_cast<float>(height) / static_cast<float>(rows);
+
+  cells_.resize(static_cast<std::size_t>(columns * rows));
+  for (auto& cell : cells_) cell.clear();
+  // FAST itself ignores a rim of 3 pixels, so the searched window is that much larger.
+  const cv::Rect inner(kBorder, kBorder, width, height);
+  const cv::Rect window(inner.x - 3, inner.y - 3, inner.width + 6, inner.height + 6);
+  cv::FAST(image(window), corners_, options_.fast_threshold, true);
+  for (cv::KeyPoint& k : corners_) {
+    const int c = std::clamp(static_cast<int>((k.pt.x - 3.0F) / cell_w), 0, columns - 1);
+    const int r = std::clamp(static_cast<int>((k.pt.y - 3.0F) / cell_h), 0, rows - 1);
+    k.pt.x += static_cast<float>(window.x);
+    k.pt.y += static_cast<float>(window.y);
+    cells_[static_cast<std::size_t>(r * columns + c)].push_back(k);
+  }
+  for (int r = 0; r < rows; ++r) {
+    for (int c = 0; c < columns; ++c) {
+      auto& cell = cells_[static_cast<std::size_t>(r * columns + c)];
+      if (!cell.empty()) continue;
+      const int x0 = inner.x + static_cast<int>(static_cast<float>(c) * cell_w);
+      const int y0 = inner.y + static_cast<int>(static_cast<float>(r) * cell_h);
+      const int x1 = inner.x + static_cast<int>(static_cast<float>(c + 1) * cell_w);
+      const int y1 = inner.y + static_cast<int>(static_cast<float>(r + 1) * cell_h);
+      const cv::Rect part(x0 - 3, y0 - 3, x1 - x0 + 6, y1 - y0 + 6);
+      cv::FAST(image(part), cell_corners_, options_.fast_threshold_low, true);
+      for (cv::KeyPoint& k : cell_corners_) {
+        k.pt.x += static_cast<float>(part.x);
+        k.pt.y += static_cast<float>(part.y);
+        cell.push_back(k);
+      }
+    }
+  }
+
+  // Water-filling: the largest per-cell share whose total does not exceed what is wanted.
+  const int wanted = wanted_[static_cast<std::size_t>(level)];
+  std::size_t share = 0;
+  for (std::size_t trial = 1; trial <= 64; ++trial) {
+    std::size_t total = 0;
+    for (const auto& cell : cells_) total += std::min(cell.size(), trial);
+    if (total > static_cast<std::size_t>(wanted) && share > 0) break;
+    share = trial;
+  }
+  const float scale = scales_[static_cast<std::size_t>(level)];
+  for (auto& cell : cells_) {
+    std::sort(cell.begin(), cell.end(), stronger);
+    if (cell.size() > share) cell.resize(share);
+    for (cv::KeyPoint& k : cell) {
+      const int u = static_cast<int>(k.pt.x), v = static_cast<int>(k.pt.y);
+      k.angle = centroid_angle(image, u, v, circle_);
+      k.octave = level;
+      k.size = static_cast<float>(2 * kHalfPatch + 1) * scale;
+      const Eigen::Vector2d base = out.pyramid.to_base(Eigen::Vector2d(u, v), level);
+      k.pt = cv::Point2f(static_cast<float>(base.x()), static_cast<float>(base.y()));
+      out.keypoints.push_back(k);
+    }
+  }
+}
+
+void FeatureExtractor::extract(const cv::Mat& gray, ImageFeatures& out) {
+  out.keypoints.clear();
+  out.pyramid.levels.resize(static_cast<std::size_t>(options_.levels));
+  out.pyramid.pixel_size.resize(static_cast<std::size_t>(options_.levels));
+  for (int level = 0; level < options_.levels; ++level) {
+    cv::Mat& image = out.pyramid.levels[static_cast<std::size_t>(level)];
+    if (level == 0) {
+      image = gray;
+    } else {
+      const float s = 1.0F / scales_[static_cast<std::size_t>(level)];
+      const cv::Size size(cvRound(static_cast<float>(gray.cols) * s),
+                          cvRound(static_cast<float>(gray.rows) * s));
+      cv::resize(out.pyramid.levels[static_cast<std::size_t>(level) - 1], image, size, 0, 0,
+                 cv::INTER_LINEAR);
+    }
+    out.pyramid.pixel_size[static_cast<std::size_t>(level)] = {static_cast<double>(gray.cols) / image.cols,
+                                                               static_cast<double>(gray.rows) / image.rows};
+    detect_level(level, out);
+  }
+  cv::Mat rows;
+  if (!out.keypoints.empty()) orb_->compute(gray, out.keypoints, rows);  // may drop keypoints at the border
+  out.descriptors.resize(out.keypoints.size());
+  for (std::size_t i = 0; i < out.keypoints.size(); ++i) {
+    std::memcpy(out.descriptors[i].data(), rows.ptr<std::uint8_t>(static_cast<int>(i)), sizeof(Descriptor));
+  }
+}
+
+}  // namespace dynslam::runtime
