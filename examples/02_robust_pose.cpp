@@ -41,7 +41,7 @@ int main() {
   std::vector<bool> moved;
   while (observations.size() < kPoints) {
     const Eigen::Vector3d p_w =
-        T_w_c * camera.unproject(Eigen::Vector2d(u(engine), v(engine)), depth(engine));
+        T_w_c * Eigen::Vector3d(camera.ray(Eigen::Vector2d(u(engine), v(engine))) * depth(engine));
     const bool moves = observations.size() % 4 == 0;
     const Eigen::Vector3d p_c = T_c_w * (moves ? Eigen::Vector3d(p_w + motion) : p_w);
     const auto x = camera.project(p_c);

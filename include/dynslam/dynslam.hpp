@@ -15,6 +15,7 @@
 #include "dynslam/eval/trajectory.hpp"
 #include "dynslam/geometry/brown_conrady.hpp"
 #include "dynslam/geometry/epipolar.hpp"
+#include "dynslam/geometry/ideal_pinhole.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/geometry/rigid_alignment.hpp"
 #include "dynslam/geometry/se3.hpp"

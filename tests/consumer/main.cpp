@@ -12,6 +12,6 @@ int main() {
   const Eigen::Vector3f p_c = T_c_w * p_w;
   const std::optional<Eigen::Vector2f> x = camera.project(p_c);
   if (!x) return 1;
-  const Eigen::Vector3f back = T_c_w.inverse() * camera.unproject(*x, p_c.z());
+  const Eigen::Vector3f back = T_c_w.inverse() * *camera.unproject(*x, p_c.z());
   return std::abs((back - p_w).norm()) < 1e-5F ? 0 : 1;
 }

@@ -39,7 +39,7 @@ struct Wall {
 TEST_CASE_TEMPLATE("a static point has no errors, a moved one has (Eqs 3, 5, 6)", S, float, double) {
   const Wall<S> wall;
   const Eigen::Matrix<S, 2, 1> x(S(90), S(50));
-  const Eigen::Matrix<S, 3, 1> p_c = wall.T_cur_ref * wall.camera.unproject(x, S(2));
+  const Eigen::Matrix<S, 3, 1> p_c = wall.T_cur_ref * *wall.camera.unproject(x, S(2));
   const Eigen::Matrix<S, 2, 1> projected = *wall.camera.project(p_c);
   CHECK(std::abs(*photometric_residual<S>(wall.reference, x, wall.current, projected)) < S(0.01));
   CHECK(reprojection_residual<S>(projected, projected) == S(0));

@@ -22,7 +22,7 @@ Views make_views(test::Rng& rng, const SE3d& T, int n, double noise = 0.0) {
   Views views{T, {}, {}};
   while (static_cast<int>(views.x.size()) < n) {
     const Eigen::Vector2d x(rng.uniform(0, 640), rng.uniform(0, 480));
-    const auto x_m = kCamera.project(T * kCamera.unproject(x, rng.uniform(1, 5)));
+    const auto x_m = kCamera.project(T * *kCamera.unproject(x, rng.uniform(1, 5)));
     if (!x_m) continue;
     views.x.push_back(x);
     views.x_m.push_back(*x_m + noise * Eigen::Vector2d(rng.normal(), rng.normal()));

@@ -19,7 +19,7 @@ std::vector<PoseObservation<double>> matches(test::Rng& rng, const SE3d& T_c_w, 
   for (int k = 0; k < good + wrong; ++k) {
     const Eigen::Vector2d x(rng.uniform(0, 640), rng.uniform(0, 480));
     const double z = rng.uniform(1, 4), sigma = 0.004 + 0.008 * z * z;
-    Eigen::Vector3d p_w = T_c_w.inverse() * kCamera.unproject(x, z);
+    Eigen::Vector3d p_w = T_c_w.inverse() * Eigen::Vector3d(kCamera.ray(x) * z);
     if (k >= good) p_w = Eigen::Vector3d(rng.uniform(-2, 2), rng.uniform(-2, 2), rng.uniform(0, 4));
     const Eigen::Vector2d seen = x + Eigen::Vector2d(rng.normal(), rng.normal());
     all.push_back(

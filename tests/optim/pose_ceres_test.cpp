@@ -40,7 +40,7 @@ TEST_CASE("the optimum is Ceres' optimum of the same robust cost") {
     for (int i = 0; i < 200; ++i) {
       const Eigen::Vector2d x(rng.uniform(0, 640), rng.uniform(0, 480));
       const double z = rng.uniform(1, 4);
-      const Eigen::Vector3d p_c = kCamera.unproject(x, z);
+      const Eigen::Vector3d p_c = kCamera.ray(x) * z;
       const double gross = i < 30 ? 8.0 : 0.0;
       observations.push_back({truth.inverse() * p_c, x + Eigen::Vector2d(rng.normal() + gross, rng.normal()),
                               z + 0.02 * rng.normal(), 1.0, 2500.0});

@@ -25,7 +25,7 @@ std::vector<PoseObservation<double>> room_and_box(test::Rng& rng, const SE3d& T,
                                    : Eigen::Vector2d(rng.uniform(10, 630), rng.uniform(10, 470));
     const double z = near ? rng.uniform(1.1, 1.4) : rng.uniform(3, 5);
     PoseObservation<double> o;
-    o.p_w = kCamera.unproject(x, z);
+    o.p_w = kCamera.ray(x) * z;
     const Eigen::Vector3d p_c = T * (near ? Eigen::Vector3d(o.p_w + moved) : o.p_w);
     o.x = *kCamera.project(p_c) + 0.2 * Eigen::Vector2d(rng.normal(), rng.normal());
     const double sigma = 0.004 + 0.008 * z * z;
@@ -113,7 +113,7 @@ TEST_CASE("surface weights are the places to which an observation is nearest, ti
     PoseObservation<double> o;
     o.x = Eigen::Vector2d(rng.uniform(0, 300), rng.uniform(0, 480));  // none in the right half
     o.depth = k % 4 == 0 ? 0.0 : rng.uniform(0.5, 8.0);
-    o.p_w = kCamera.unproject(o.x, k % 4 == 0 ? 2.0 : o.depth);
+    o.p_w = kCamera.ray(o.x) * (k % 4 == 0 ? 2.0 : o.depth);
     observations.push_back(o);
   }
   SurfaceOptions<double> options;

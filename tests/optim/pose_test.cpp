@@ -30,7 +30,7 @@ std::vector<PoseObservation<S>> observe(test::Rng& rng, int n, int outliers, dou
   for (int i = 0; i < n; ++i) {
     const Eigen::Vector2d x(rng.uniform(10, 630), rng.uniform(10, 470));
     const double z = rng.uniform(0.8, 4);
-    Eigen::Vector3d p_c = kCamera.unproject(x, z);
+    Eigen::Vector3d p_c = kCamera.ray(x) * z;
     PoseObservation<S> o;
     o.p_w = (T.inverse() * p_c).cast<S>();
     if (i < outliers)

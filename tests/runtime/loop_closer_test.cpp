@@ -24,7 +24,7 @@ CameraConfig camera() {
   c.name = "test";
   c.width = 640;
   c.height = 480;
-  c.model = DistortedPinhole<double>(Pinhole<double>(525, 525, 319.5, 239.5), BrownConrady<double>{});
+  c.model = PinholeBrownConrady<double>(Pinhole<double>(525, 525, 319.5, 239.5), BrownConrady<double>{});
   return c;
 }
 
@@ -61,7 +61,7 @@ struct Room {
     const SE3d T_w_c = T_c_w.inverse();
     for (int v = 0; v < 480; ++v) {
       for (int u = 0; u < 640; ++u) {
-        const Eigen::Vector3d ray = config.model.pinhole().unproject(Eigen::Vector2d(u, v), 1.0);
+        const Eigen::Vector3d ray = config.model.pinhole().ray(Eigen::Vector2d(u, v));
         const Eigen::Vector3d d = T_w_c.so3() * ray, o = T_w_c.translation();
         const double a = d.squaredNorm(), b = d.dot(o), c = o.squaredNorm() - kRadius * kRadius;
         image.at<float>(v, u) = static_cast<float>((-b + std::sqrt(b * b - a * c)) / a);
@@ -100,8 +100,9 @@ struct Room {
       active[j] = map.present(active[j]);
       if (active[j] < 0 || k - seen[j] > kMemory) {
         MapPoint p;
-        p.p_w = f.T_c_w.inverse() * config.model.pinhole().unproject(Eigen::Vector2d(feature.x, feature.y),
-                                                                     static_cast<double>(feature.depth));
+        p.p_w = f.T_c_w.inverse() *
+                Eigen::Vector3d(config.model.pinhole().ray(Eigen::Vector2d(feature.x, feature.y)) *
+                                static_cast<double>(feature.depth));
         p.descriptor = f.descriptors.back();
         active[j] = map.add_point(p);
       }

@@ -65,7 +65,7 @@ TEST_CASE("a walking sequence: surfaces are mapped, labels are right, walkers le
   synth_options.seed = 5;
   synth_options.walkers = 2;
   const synth::Scene scene(synth_options);
-  SemanticMapper mapper(DistortedPinhole<double>(kCamera), kWidth, kHeight, SemanticMapperOptions());
+  SemanticMapper mapper(PinholeBrownConrady<double>(kCamera), kWidth, kHeight, SemanticMapperOptions());
   test::MapTruth truth(mapper.tree().grid());
   truth.add_static(scene.triangles(0.0));
   const cv::Mat margin = cv::getStructuringElement(cv::MORPH_RECT, {15, 15});  // the pipeline's
@@ -112,7 +112,7 @@ TEST_CASE("a person who stood there unmasked and left is gone; a chair pushed as
     }
     return triangles;
   };
-  SemanticMapper mapper(DistortedPinhole<double>(kCamera), kWidth, kHeight, SemanticMapperOptions());
+  SemanticMapper mapper(PinholeBrownConrady<double>(kCamera), kWidth, kHeight, SemanticMapperOptions());
   const VoxelGrid grid = mapper.tree().grid();
   using Voxels = std::unordered_set<PackedKey>;
   const auto voxels_of = [&](bool pushed, auto&& wanted) {

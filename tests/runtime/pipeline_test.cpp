@@ -64,7 +64,7 @@ TEST_CASE("synthetic ground truth, depth and masks agree: static surfaces reproj
       movers += moving.at<std::uint8_t>(v, u) != 0 ? 1 : 0;
       const float z = a.depth.at<float>(v, u);
       if (!(z > 0) || label.at<std::uint8_t>(v, u) == 1 || moving.at<std::uint8_t>(v, u) != 0) continue;
-      const Eigen::Vector3d p = T * camera.model.unproject(Eigen::Vector2d(u, v), static_cast<double>(z));
+      const Eigen::Vector3d p = T * *camera.model.unproject(Eigen::Vector2d(u, v), static_cast<double>(z));
       const auto x = camera.model.project(p);
       if (!x || x->x() < 0 || x->y() < 0 || x->x() > 639 || x->y() > 479) continue;
       const double d =

@@ -130,7 +130,7 @@ TEST_CASE("a damaged, foreign or missing map is refused in one line, and nothing
   write(file, good);
   CHECK(complaint(folder.path).empty());
   CameraConfig camera = o.camera();
-  camera.model = DistortedPinhole<double>(Pinhole<double>(500, 500, 320, 240), BrownConrady<double>{});
+  camera.model = PinholeBrownConrady<double>(Pinhole<double>(500, 500, 320, 240), BrownConrady<double>{});
   CHECK_THROWS_WITH_AS((void)load_slam_map(folder.path, camera), doctest::Contains("another camera"),
                        InputError);
 

@@ -18,7 +18,7 @@ using namespace dynslam::runtime;
 
 namespace {
 
-const DistortedPinhole<double> kCamera(Pinhole<double>(100, 100, 80, 60));
+const PinholeBrownConrady<double> kCamera(Pinhole<double>(100, 100, 80, 60));
 const cv::Rect kBlock(60, 40, 40, 40);
 
 /// A wall at 2 m; a block in its middle at 1 m.

@@ -17,6 +17,7 @@ namespace {
 
 using dynslam::CameraModel;
 using dynslam::DepthImage;
+using dynslam::DifferentiableCamera;
 using dynslam::FixedMatrix;
 using dynslam::Image;
 using dynslam::ImageLike;
@@ -68,7 +69,10 @@ static_assert(!ImageLike<cv::Mat1f>);
 // Cameras.
 static_assert(CameraModel<dynslam::Pinhole<float>>);
 static_assert(CameraModel<dynslam::Pinhole<double>>);
-static_assert(CameraModel<dynslam::DistortedPinhole<double>>);
+static_assert(CameraModel<dynslam::PinholeBrownConrady<double>>);
+static_assert(DifferentiableCamera<dynslam::Pinhole<float>>);
+static_assert(DifferentiableCamera<dynslam::PinholeBrownConrady<float>>);
+static_assert(DifferentiableCamera<dynslam::PinholeBrownConrady<Eigen::AutoDiffScalar<Eigen::Vector3d>>>);
 static_assert(!CameraModel<Eigen::Matrix3d>);
 static_assert(!CameraModel<dynslam::SE3<double>>);
 

@@ -94,7 +94,7 @@ class MapTruth {
         const float z = exact.depth.at<float>(v, u);
         if (!(z > 0.45F) || double(z) > max_range || exact.dynamic.at<std::uint8_t>(v, u) != 0) continue;
         if (exact.label.at<std::uint8_t>(v, u) == static_cast<std::uint8_t>(runtime::Label::person)) continue;
-        const Eigen::Vector3d p = T_w_c * camera.unproject(Eigen::Vector2d(u, v), double(z));
+        const Eigen::Vector3d p = T_w_c * Eigen::Vector3d(camera.ray(Eigen::Vector2d(u, v)) * double(z));
         if (const auto key = grid_.key(p)) seen_.insert(pack(*key));
       }
     }

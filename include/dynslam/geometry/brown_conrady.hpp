@@ -71,36 +71,48 @@ class BrownConrady {
   S k1_ = S(0), k2_ = S(0), p1_ = S(0), p2_ = S(0), k3_ = S(0);
 };
 
-/// A pinhole camera behind a distorting lens; its pixels are those of the image as recorded.
+/// A pinhole camera behind a lens of Brown and Conrady; its pixels are those of the image as recorded.
 template <Scalar S>
-class DistortedPinhole {
+class PinholeBrownConrady {
  public:
   using ScalarType = S;
   using Vector2 = Eigen::Matrix<S, 2, 1>;
   using Vector3 = Eigen::Matrix<S, 3, 1>;
+  using Matrix2 = Eigen::Matrix<S, 2, 2>;
+  using Jacobian = Eigen::Matrix<S, 2, 3>;
 
-  DistortedPinhole() = default;
-  explicit DistortedPinhole(const Pinhole<S>& pinhole, const BrownConrady<S>& distortion = {})
+  PinholeBrownConrady() = default;
+  explicit PinholeBrownConrady(const Pinhole<S>& pinhole, const BrownConrady<S>& distortion = {})
       : pinhole_(pinhole), distortion_(distortion) {}
 
   [[nodiscard]] const Pinhole<S>& pinhole() const { return pinhole_; }
   [[nodiscard]] const BrownConrady<S>& distortion() const { return distortion_; }
 
   /// Recorded pixel of a camera-frame point; nullopt behind the camera.
-  [[nodiscard]] std::optional<Vector2> project(const Vector3& p) const {
-    const auto ideal = pinhole_.project(p);
+  [[nodiscard]] std::optional<Vector2> project(const Vector3& p) const { return project(p, nullptr); }
+  /// The same with the derivative d x / d p (2 x 3) where `J` is given.
+  [[nodiscard]] std::optional<Vector2> project(const Vector3& p, Jacobian* J) const {
+    const auto ideal = pinhole_.project(p, J);
+    if (!ideal || distortion_.is_identity()) return ideal;
+    Matrix2 lens;
+    const Vector2 n = distortion_.distort(to_normalised(*ideal), J != nullptr ? &lens : nullptr);
+    if (J != nullptr) {  // in pixels: diag(f) lens diag(f)^-1
+      const S aspect = pinhole_.fx() / pinhole_.fy();
+      lens(0, 1) *= aspect;
+      lens(1, 0) /= aspect;
+      *J = lens * *J;
+    }
+    return to_pixel(n);
+  }
+  /// Camera-frame point of a recorded pixel at depth z [m]; nullopt outside the lens' valid field.
+  [[nodiscard]] std::optional<Vector3> unproject(const Vector2& x, const S& z) const {
+    const auto ideal = undistort_pixel(x);
     if (!ideal) return std::nullopt;
-    return distort_pixel(*ideal);
+    return pinhole_.unproject(*ideal, z);
   }
-  /// Camera-frame point of a recorded pixel at depth z [m]. A pixel without an inverse keeps its
-  /// distorted ray; ask undistort_pixel where that matters.
-  [[nodiscard]] Vector3 unproject(const Vector2& x, const S& z) const {
-    return pinhole_.unproject(undistort_pixel(x).value_or(x), z);
-  }
-  [[nodiscard]] Vector3 ray(const Vector2& x) const { return unproject(x, S(1)); }
 
-  /// Ideal pinhole pixel to recorded pixel.
-  [[nodiscard]] Vector2 distort_pixel(const Vector2& ideal) const {
+  /// Ideal pinhole pixel to recorded pixel; nullopt outside the lens' valid field.
+  [[nodiscard]] std::optional<Vector2> distort_pixel(const Vector2& ideal) const {
     if (distortion_.is_identity()) return ideal;
     return to_pixel(distortion_.distort(to_normalised(ideal)));
   }
@@ -110,6 +122,10 @@ class DistortedPinhole {
     const auto n = distortion_.undistort(to_normalised(x));
     if (!n) return std::nullopt;
     return to_pixel(*n);
+  }
+  template <Scalar T>
+  [[nodiscard]] PinholeBrownConrady<T> cast() const {
+    return PinholeBrownConrady<T>(pinhole_.template cast<T>(), distortion_.template cast<T>());
   }
 
  private:
@@ -121,6 +137,7 @@ class DistortedPinhole {
   BrownConrady<S> distortion_;
 };
 
-static_assert(CameraModel<DistortedPinhole<float>> && CameraModel<DistortedPinhole<double>>);
+static_assert(DifferentiableCamera<PinholeBrownConrady<float>> &&
+              DifferentiableCamera<PinholeBrownConrady<double>>);
 
 }  // namespace dynslam

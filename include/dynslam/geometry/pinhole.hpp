@@ -39,8 +39,11 @@ class Pinhole {
     return Vector2(fx_ * x + cx_, fy_ * y + cy_);
   }
 
-  /// Camera-frame point of a pixel at depth `z` along the optical axis [m].
-  [[nodiscard]] Vector3 unproject(const Vector2& x, const S& z) const { return ray(x) * z; }
+  /// Camera-frame point of a pixel at depth `z` along the optical axis [m]; never empty. `ray(x) * z` is the
+  /// same without the `optional`.
+  [[nodiscard]] std::optional<Vector3> unproject(const Vector2& x, const S& z) const {
+    return Vector3(ray(x) * z);
+  }
   /// Viewing ray with z = 1.
   [[nodiscard]] Vector3 ray(const Vector2& x) const {
     return Vector3((x.x() - cx_) / fx_, (x.y() - cy_) / fy_, S(1));
@@ -49,6 +52,9 @@ class Pinhole {
     Matrix3 k;
     k << fx_, S(0), cx_, S(0), fy_, cy_, S(0), S(0), S(1);
     return k;
+  }
+  [[nodiscard]] bool operator==(const Pinhole& other) const {
+    return fx_ == other.fx_ && fy_ == other.fy_ && cx_ == other.cx_ && cy_ == other.cy_;
   }
   template <Scalar T>
   [[nodiscard]] Pinhole<T> cast() const {
@@ -59,6 +65,6 @@ class Pinhole {
   S fx_ = S(1), fy_ = S(1), cx_ = S(0), cy_ = S(0);
 };
 
-static_assert(CameraModel<Pinhole<float>> && CameraModel<Pinhole<double>>);
+static_assert(DifferentiableCamera<Pinhole<float>> && DifferentiableCamera<Pinhole<double>>);
 
 }  // namespace dynslam

@@ -67,7 +67,7 @@ template <std::floating_point S>
     if (sample[0] == sample[1] || sample[0] == sample[2] || sample[1] == sample[2]) continue;
     for (std::size_t k = 0; k < kSample; ++k) {
       const PoseObservation<S>& o = matches[sample[k]];
-      measured[k] = camera.unproject(o.x, o.depth);
+      measured[k] = camera.ray(o.x) * o.depth;
       mapped[k] = o.p_w;
     }
     // A rigid motion keeps lengths: most samples with a wrong match are seen through here.

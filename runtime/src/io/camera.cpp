@@ -19,8 +19,8 @@ CameraConfig make(std::string name, const std::array<double, 4>& k, const std::a
                   double units) {
   CameraConfig camera;
   camera.name = std::move(name);
-  camera.model = DistortedPinhole<double>(Pinhole<double>(k[0], k[1], k[2], k[3]),
-                                          BrownConrady<double>(d[0], d[1], d[2], d[3], d[4]));
+  camera.model = PinholeBrownConrady<double>(Pinhole<double>(k[0], k[1], k[2], k[3]),
+                                             BrownConrady<double>(d[0], d[1], d[2], d[3], d[4]));
   camera.depth_units_per_metre = units;
   return camera;
 }

@@ -35,7 +35,7 @@ void put(BinaryWriter& out, const CameraConfig& camera) {
   // The lens by what it does: where three pixels go.
   for (const auto& x :
        {Eigen::Vector2d(0, 0), Eigen::Vector2d(camera.width, 0), Eigen::Vector2d(0, camera.height)}) {
-    const Eigen::Vector2d y = camera.model.distort_pixel(x);
+    const Eigen::Vector2d y = camera.model.distort_pixel(x).value_or(Eigen::Vector2d(-1, -1));
     out.put(y.x());
     out.put(y.y());
   }

@@ -47,11 +47,12 @@ GeometricSegmenter::GeometricSegmenter(const CameraConfig& camera, const Geometr
     for (int i = 0; i < width_; ++i) {
       const auto c = static_cast<std::size_t>(j * width_ + i);
       const Eigen::Vector2d ideal((i + 0.5) * options_.stride - 0.5, (j + 0.5) * options_.stride - 0.5);
-      const Eigen::Vector3d ray = pinhole.unproject(ideal, 1.0);
+      const Eigen::Vector3d ray = pinhole.ray(ideal);
       ray_x_[c] = static_cast<float>(ray.x());
       ray_y_[c] = static_cast<float>(ray.y());
-      const Eigen::Vector2d raw = camera_.model.distort_pixel(ideal);
-      const int u = static_cast<int>(std::lround(raw.x())), v = static_cast<int>(std::lround(raw.y()));
+      const auto raw = camera_.model.distort_pixel(ideal);
+      if (!raw) continue;
+      const int u = static_cast<int>(std::lround(raw->x())), v = static_cast<int>(std::lround(raw->y()));
       if (u >= 0 && v >= 0 && u < camera_.width && v < camera_.height)
         pixel_of_cell_[c] = v * camera_.width + u;
     }
@@ -116,7 +117,7 @@ void GeometricSegmenter::set_reference(const Frame& frame, const RgbdFrame& inpu
     reference_.patches.back().depth = f.depth;
     reference_.ideal.push_back(ideal);
     reference_.pause.push_back(0);
-    reference_.points.push_back(camera_.model.pinhole().unproject(ideal, static_cast<double>(f.depth)));
+    reference_.points.push_back(camera_.model.pinhole().ray(ideal) * static_cast<double>(f.depth));
   }
 }
 

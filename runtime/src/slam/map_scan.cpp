@@ -37,7 +37,7 @@ MapScan MapScan::read(BinaryReader& in, std::size_t samples) {
   return scan;
 }
 
-MapScanner::MapScanner(const DistortedPinhole<double>& camera, int width, int height,
+MapScanner::MapScanner(const PinholeBrownConrady<double>& camera, int width, int height,
                        const MapScanOptions& options)
     : options_(options), width_(width), height_(height) {
   // On a surface seen at angle a depth changes by tan(a) times what one pixel spans, z / f.

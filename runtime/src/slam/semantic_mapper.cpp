@@ -20,7 +20,7 @@ constexpr std::uint32_t kVersion = 1;
 
 }  // namespace
 
-SemanticMapper::SemanticMapper(const DistortedPinhole<double>& camera, int width, int height,
+SemanticMapper::SemanticMapper(const PinholeBrownConrady<double>& camera, int width, int height,
                                const SemanticMapperOptions& options)
     : options_(options),
       scanner_(camera, width, height, options.scan),

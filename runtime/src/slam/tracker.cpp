@@ -81,7 +81,7 @@ Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
 Eigen::Vector3d Tracker::point_of(const Frame& frame, int feature) const {
   const Feature& f = frame.features[static_cast<std::size_t>(feature)];
   const Eigen::Vector3d p_c =
-      camera_.model.pinhole().unproject(Eigen::Vector2d(f.x, f.y), static_cast<double>(f.depth));
+      camera_.model.pinhole().ray(Eigen::Vector2d(f.x, f.y)) * static_cast<double>(f.depth);
   return frame.T_c_w.inverse() * p_c;
 }
 
@@ -98,8 +98,7 @@ void Tracker::place(Feature& f, const Eigen::Vector2d& x, const cv::Mat& depth) 
   if (!depth_moved_ || f.depth == 0) return;
   // The depth image was taken a little earlier or later: look where the point was then, and bring what
   // is measured there back.
-  const Eigen::Vector3d p_c =
-      camera_.model.pinhole().unproject(Eigen::Vector2d(f.x, f.y), static_cast<double>(z));
+  const Eigen::Vector3d p_c = camera_.model.pinhole().ray(Eigen::Vector2d(f.x, f.y)) * static_cast<double>(z);
   const Eigen::Vector3d p_d = T_depth_c_ * p_c;
   const auto x_d = camera_.model.project(p_d);
   f.depth = 0;

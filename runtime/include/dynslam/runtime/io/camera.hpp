@@ -12,7 +12,7 @@ namespace dynslam::runtime {
 struct CameraConfig {
   std::string name;
   int width = 640, height = 480;  ///< pixels
-  DistortedPinhole<double> model;
+  PinholeBrownConrady<double> model;
   double depth_units_per_metre = 5000;  ///< of the 16-bit depth images
 };
 

@@ -60,7 +60,7 @@ class MapScan {
 /// Turns keyframes into scans and scans into voxels. Lens distortion is undone per pixel, once.
 class MapScanner {
  public:
-  MapScanner(const DistortedPinhole<double>& camera, int width, int height, const MapScanOptions& options);
+  MapScanner(const PinholeBrownConrady<double>& camera, int width, int height, const MapScanOptions& options);
 
   /// Selects and packs the pixels of a keyframe.
   /// @param depth         CV_32FC1 metres, NaN = invalid

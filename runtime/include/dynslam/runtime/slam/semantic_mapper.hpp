@@ -46,7 +46,7 @@ struct MapKeyframe {
 /// order alone.
 class SemanticMapper {
  public:
-  SemanticMapper(const DistortedPinhole<double>& camera, int width, int height,
+  SemanticMapper(const PinholeBrownConrady<double>& camera, int width, int height,
                  const SemanticMapperOptions& options);
 
   /// Queues a keyframe; the images are shared, not copied, and must not be changed afterwards.
