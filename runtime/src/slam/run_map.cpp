@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "slam/run_map.hpp"
+
+#include <opencv2/imgproc.hpp>
+
+#include "dynslam/runtime/io/map_io.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+constexpr int kMaskMargin = 7;     // pixels around movers that never become map
+constexpr double kRange = 3.0;     // metres at which a turn of a keyframe is judged
+constexpr double kWorthIt = 0.25;  // of a voxel: a surface's shift for which the octree is made again
+
+SemanticMapperOptions mapper_options(double resolution) {
+  SemanticMapperOptions options;
+  options.resolution = resolution;
+  return options;
+}
+
+}  // namespace
+
+RunMap::RunMap(const CameraConfig& camera, double resolution)
+    : resolution_(resolution),
+      mapper_(camera.model, camera.width, camera.height, mapper_options(resolution)),
+      margin_(cv::getStructuringElement(cv::MORPH_RECT, {2 * kMaskMargin + 1, 2 * kMaskMargin + 1})) {}
+
+void RunMap::load(const std::filesystem::path& folder) {
+  if (std::filesystem::exists(folder / "scans.bin")) mapped_ = mapper_.load_scans(folder / "scans.bin");
+}
+
+void RunMap::insert(const TrackResult& result, const RgbdFrame& frame, const std::optional<Masks>& prior) {
+  cv::dilate(result.dynamic_mask, never_map_, margin_);
+  mapper_.insert({result.T_w_c, frame.depth, never_map_.clone(), prior ? prior->labels : cv::Mat(), frame.bgr,
+                  result.reference});
+  mapped_.emplace_back(result.reference, result.T_w_c);
+}
+
+void RunMap::follow(const LocalMap& map) {
+  bool moved = false;
+  for (const auto& [keyframe, T_w_c] : mapped_) {
+    const SE3<double> now = map.pose(keyframe).inverse();
+    const double turn = (now.so3() * T_w_c.so3().inverse()).log().norm();
+    moved =
+        moved || (now.translation() - T_w_c.translation()).norm() + kRange * turn > kWorthIt * resolution_;
+  }
+  if (!moved) return;
+  for (auto& [keyframe, T_w_c] : mapped_) T_w_c = map.pose(keyframe).inverse();
+  mapper_.repose(mapped_);
+}
+
+void RunMap::save(const std::filesystem::path& out) {
+  mapper_.finish();
+  mapper_.save(out / "map.ot");
+  export_map(mapper_.tree(), out / "map_color.ot");
+}
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "dynslam/runtime/io/camera.hpp"
+#include "dynslam/runtime/io/mask_reader.hpp"
+#include "dynslam/runtime/slam/semantic_mapper.hpp"
+#include "dynslam/runtime/slam/tracker.hpp"
+
+namespace dynslam::runtime {
+
+/// The octree of a run: the scans of its keyframes, which follow where the map of keyframes has them.
+///
+/// Scans go in at once, with the pose known then, so that the map shows what is there now; a map that waited
+/// for final poses would be late by as much as a robot drives in a loop.
+class RunMap {
+ public:
+  RunMap(const CameraConfig& camera, double resolution);
+
+  /// Starts from the scans of an earlier run's folder, where it has some. @throws InputError
+  void load(const std::filesystem::path& folder);
+  /// Adds a keyframe. @throws what the mapper's thread met
+  void insert(const TrackResult& result, const RgbdFrame& frame, const std::optional<Masks>& prior);
+  /// Has the octree made again where a correction of the poses (a loop, bundle adjustment) is worth it.
+  void follow(const LocalMap& map);
+  /// Writes map.ot, and map_color.ot for octovis, which knows no labels. @throws InputError
+  void save(const std::filesystem::path& out);
+
+  [[nodiscard]] const SemanticMapper& mapper() const { return mapper_; }
+
+ private:
+  double resolution_;
+  SemanticMapper mapper_;
+  cv::Mat margin_, never_map_;
+  std::vector<std::pair<int, SE3<double>>> mapped_;  // keyframe, T_w_c that the octree has
+};
+
+}  // namespace dynslam::runtime

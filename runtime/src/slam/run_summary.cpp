@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "slam/run_summary.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Core>
+#include <nlohmann/json.hpp>
+#include <opencv2/core/version.hpp>
+
+namespace dynslam::runtime {
+namespace {
+
+nlohmann::json configuration(const RunOptions& options, const CameraConfig& camera) {
+  const TrackerOptions& t = options.tracker;
+  return {{"sequence", options.sequence.string()},
+          {"camera", camera.name},
+          {"dynamics", std::string(to_string(options.dynamics))},
+          {"masks", options.masks.string()},
+          {"model", options.segmentation.segmenter.model.string()},
+          {"segment_every", options.segmentation.every},
+          {"segment_async", options.segmentation.async},
+          {"load_map", options.load_map.string()},
+          {"save_map", options.save_map.string()},
+          {"loops", t.close_loops},
+          {"map", options.map},
+          {"map_resolution", options.map_resolution},
+          {"max_frames", options.max_frames},
+          {"seed", options.seed},
+          {"features", t.features.features},
+          {"nu", t.nu},
+          {"geometry_nu", t.geometry.nu},
+          {"tau", t.geometry.tau}};
+}
+
+}  // namespace
+
+std::string summary_json(const RunOptions& options, const CameraConfig& camera, const RunSummary& s) {
+  nlohmann::json j;
+  j["frames"] = s.frames;
+  j["tracked"] = s.tracked;
+  j["lost"] = s.lost;
+  j["broken"] = s.broken;
+  j["interrupted"] = s.interrupted;
+  j["problems"] = s.problems;
+  for (const auto& [name, value] : s.stages)
+    j["stages"][name] = {{"median_ms", value.median_ms}, {"p95_ms", value.p95_ms}};
+  j["loops"] = nlohmann::json::array();
+  for (const LoopClosing& loop : s.loops) {
+    j["loops"].push_back({{"keyframe", loop.keyframe},
+                          {"seen_again", loop.seen_again},
+                          {"inliers", loop.inliers},
+                          {"merged", loop.merged},
+                          {"shift_m", loop.D.translation().norm()}});
+  }
+  j["fps"] = s.fps;
+  j["peak_rss_mb"] = s.peak_rss_mb;
+  j["configuration"] = configuration(options, camera);
+  j["versions"] = {
+      {"dynslam", DYNSLAM_VERSION},
+      {"opencv", CV_VERSION},
+      {"eigen", fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
+      {"compiler", __VERSION__}};
+  return j.dump(2) + "\n";
+}
+
+}  // namespace dynslam::runtime

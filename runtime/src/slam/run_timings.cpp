@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "slam/run_timings.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <utility>
+
+#include "dynslam/runtime/error.hpp"
+
+namespace dynslam::runtime {
+
+void RunTimings::write(const std::filesystem::path& path) const {
+  std::ofstream out(path);
+  out << "timestamp";
+  for (const auto name : kStageNames) out << ',' << name;
+  out << ",network,mask_keeper,frame\n";
+  for (const Row& row : rows) {
+    out << row.stamp;
+    for (const double ms : row.times) out << fmt::format(",{:.3f}", ms);
+    out << fmt::format(",{:.3f},{:.3f},{:.3f}\n", row.network_ms, row.keeper_ms, row.frame_ms);
+  }
+  out.flush();
+  if (!out) throw InputError(path.string(), 0, "cannot be written");
+}
+
+std::map<std::string, StageStatistics> RunTimings::statistics() const {
+  std::map<std::string, StageStatistics> result;
+  if (rows.empty()) return result;
+  std::vector<double> values(rows.size());
+  const auto add = [&](std::string name, auto&& value) {
+    for (std::size_t i = 0; i < rows.size(); ++i) values[i] = value(rows[i]);
+    std::sort(values.begin(), values.end());
+    const auto last = static_cast<double>(values.size() - 1);
+    result[std::move(name)] = {values[values.size() / 2],
+                               values[static_cast<std::size_t>(last * 0.95 + 0.5)]};
+  };
+  for (std::size_t s = 0; s < kStageNames.size(); ++s) {
+    add(std::string(kStageNames[s]), [s](const Row& row) { return row.times[s]; });
+  }
+  add("network", [](const Row& row) { return row.network_ms; });
+  add("mask_keeper", [](const Row& row) { return row.keeper_ms; });
+  add("frame", [](const Row& row) { return row.frame_ms; });
+  return result;
+}
+
+}  // namespace dynslam::runtime

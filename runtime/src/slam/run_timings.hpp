@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "dynslam/runtime/slam/pipeline.hpp"
+
+namespace dynslam::runtime {
+
+/// Time of each stage per frame, in the order of kStageNames, with the wall time of the whole frame.
+struct RunTimings {
+  struct Row {
+    std::string stamp;
+    StageTimes times;
+    double network_ms, keeper_ms;  ///< of the segmentation, on its own thread unless that is off
+    double frame_ms;  ///< everything the main loop did for the frame, waiting for the reader included
+  };
+  std::vector<Row> rows;
+
+  /// Writes timings.csv. @throws InputError
+  void write(const std::filesystem::path& path) const;
+  [[nodiscard]] std::map<std::string, StageStatistics> statistics() const;
+};
+
+}  // namespace dynslam::runtime
