@@ -55,6 +55,19 @@ TEST_CASE("extraction depends on the image alone") {
   for (std::size_t i = 0; i < fa.keypoints.size(); ++i) CHECK(fa.keypoints[i].pt == fb.keypoints[i].pt);
 }
 
+TEST_CASE("what lies around an image in memory does not change what is found in it") {
+  FeatureExtractor extractor{FeatureOptions{}};
+  ImageFeatures alone, part;
+  const cv::Mat image = uneven_texture();
+  cv::Mat larger(image.rows + 64, image.cols + 64, CV_8UC1, cv::Scalar(0));
+  const cv::Mat view = larger(cv::Rect(32, 32, image.cols, image.rows));
+  image.copyTo(view);
+  extractor.extract(image, alone);
+  extractor.extract(view, part);
+  REQUIRE(alone.keypoints.size() == part.keypoints.size());
+  CHECK(alone.descriptors == part.descriptors);
+}
+
 TEST_CASE("descriptors follow a rotation of the image by 90 degrees") {
   FeatureExtractor extractor{FeatureOptions{}};
   ImageFeatures f0, f1;

@@ -122,23 +122,26 @@ void FeatureExtractor::detect_level(int level, ImageFeatures& out) {
   }
 }
 
-void FeatureExtractor::extract(const cv::Mat& gray, ImageFeatures& out) {
+void FeatureExtractor::extract(const cv::Mat& image, ImageFeatures& out) {
+  // OpenCV's ORB blurs over the border of a part of a larger image, whose surroundings are none of our
+  // business.
+  const cv::Mat gray = image.isSubmatrix() ? image.clone() : image;
   out.keypoints.clear();
   out.pyramid.levels.resize(static_cast<std::size_t>(options_.levels));
   out.pyramid.pixel_size.resize(static_cast<std::size_t>(options_.levels));
   for (int level = 0; level < options_.levels; ++level) {
-    cv::Mat& image = out.pyramid.levels[static_cast<std::size_t>(level)];
+    cv::Mat& reduced = out.pyramid.levels[static_cast<std::size_t>(level)];
     if (level == 0) {
-      image = gray;
+      reduced = gray;
     } else {
       const float s = 1.0F / scales_[static_cast<std::size_t>(level)];
       const cv::Size size(cvRound(static_cast<float>(gray.cols) * s),
                           cvRound(static_cast<float>(gray.rows) * s));
-      cv::resize(out.pyramid.levels[static_cast<std::size_t>(level) - 1], image, size, 0, 0,
+      cv::resize(out.pyramid.levels[static_cast<std::size_t>(level) - 1], reduced, size, 0, 0,
                  cv::INTER_LINEAR);
     }
-    out.pyramid.pixel_size[static_cast<std::size_t>(level)] = {static_cast<double>(gray.cols) / image.cols,
-                                                               static_cast<double>(gray.rows) / image.rows};
+    out.pyramid.pixel_size[static_cast<std::size_t>(level)] = {static_cast<double>(gray.cols) / reduced.cols,
+                                                               static_cast<double>(gray.rows) / reduced.rows};
     detect_level(level, out);
   }
   cv::Mat rows;

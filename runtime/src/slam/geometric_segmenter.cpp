@@ -91,14 +91,17 @@ bool GeometricSegmenter::verified_static(float u, float v) const {
 
 std::vector<cv::Mat> flow_pyramid(const cv::Mat& gray, const GeometryOptions& options) {
   std::vector<cv::Mat> pyramid;
-  cv::buildOpticalFlowPyramid(gray, pyramid, {options.lk_window, options.lk_window}, options.lk_levels);
+  // Neither the image's memory nor what lies around it there: its owner may use both again.
+  constexpr bool kShare = false;
+  cv::buildOpticalFlowPyramid(gray, pyramid, {options.lk_window, options.lk_window}, options.lk_levels, true,
+                              cv::BORDER_REFLECT_101 | cv::BORDER_ISOLATED, cv::BORDER_CONSTANT, kShare);
   return pyramid;
 }
 
 void GeometricSegmenter::set_reference(const Frame& frame, const RgbdFrame& input,
                                        const ImagePyramid& pyramid) {
   reference_ = Reference();
-  reference_.gray = input.gray;
+  reference_.gray = input.gray.clone();  // the caller may use its image again
   reference_.T_c_w = frame.T_c_w;
   reference_.pyramid = input.flow_pyramid.empty() ? flow_pyramid(input.gray, options_) : input.flow_pyramid;
   // All keypoints with depth, static and dynamic alike; thinned evenly where there are too many.

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "dynslam/runtime/stopwatch.hpp"
+#include "slam/input_check.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -127,7 +128,7 @@ void Tracker::extract(const RgbdFrame& input, Frame& frame) {
   }
   const auto& keypoints = features_->keypoints;
   frame.descriptors = features_->descriptors;
-  frame.index = input.index;
+  frame.index = frames_++;
   frame.t = input.t;
   frame.features.resize(keypoints.size());
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
@@ -483,6 +484,8 @@ void Tracker::follow(const SE3<double>& D) {
 }
 
 TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& prior) {
+  check_input(input, prior, camera_, last_t_);
+  last_t_ = input.t;
   TrackResult result;
   Stopwatch whole, watch;
   Frame frame;
@@ -500,7 +503,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
       semantic.empty() ? cv::Mat::zeros(input.gray.size(), CV_8UC1) : prior->dynamic.clone();
   time_of(result.times, Stage::features) = watch.lap_ms() + input.preparation_ms;
 
-  if (bundle_.pending() && input.index >= bundle_due_) finish();
+  if (bundle_.pending() && frame.index >= bundle_due_) finish();
   if (!initialised_) {
     if (initialise(frame, input)) {
       result.state = TrackingState::tracked;
@@ -572,6 +575,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   time_of(result.times, Stage::local_map) = watch.lap_ms();
   if (!ok) {
     ++lost_frames_;
+    resting_.release();  // where somebody sat is known only as long as the camera's place is
     time_of(result.times, Stage::tracking) = whole.lap_ms();
     return result;
   }

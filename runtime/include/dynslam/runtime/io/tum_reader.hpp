@@ -29,7 +29,7 @@ struct FrameRecord {
 };
 
 struct RgbdFrame {
-  std::size_t index = 0;   ///< in the sequence, broken frames counted
+  std::size_t index = 0;   ///< in the sequence, broken frames counted; the tracker counts for itself
   double t = 0;            ///< colour time [s]
   double depth_delay = 0;  ///< depth time less colour time [s]
   std::string stamp;

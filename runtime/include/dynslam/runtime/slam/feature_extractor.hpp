@@ -23,7 +23,7 @@ struct FeatureOptions {
 struct ImageFeatures {
   std::vector<cv::KeyPoint> keypoints;  ///< level-0 pixels, octave, angle
   std::vector<Descriptor> descriptors;
-  ImagePyramid pyramid;  ///< level 0 shares the image's memory
+  ImagePyramid pyramid;  ///< level 0 shares the image's memory, unless it is a part of a larger one
 };
 
 /// FAST corners spread over the image by cells, with OpenCV's ORB descriptors.
@@ -37,7 +37,7 @@ class FeatureExtractor {
 
   /// Fills keypoints, one descriptor each, and the pyramid; the order is by octave, then by row-major
   /// cell, so it depends on the image alone.
-  void extract(const cv::Mat& gray, ImageFeatures& out);
+  void extract(const cv::Mat& image, ImageFeatures& out);
 
   /// Scale of pyramid level `octave` against level 0.
   [[nodiscard]] float scale(int octave) const { return scales_[static_cast<std::size_t>(octave)]; }

@@ -29,6 +29,8 @@ class LocalBundle {
  public:
   LocalBundle(const Pinhole<double>& camera, const LocalBundleOptions& options)
       : camera_(camera), options_(options) {}
+  LocalBundle(const LocalBundle&) = delete;  // its thread uses the members
+  LocalBundle& operator=(const LocalBundle&) = delete;
 
   /// Copies the newest keyframe and its surroundings, or those of `window` keyframes where that is given.
   void collect(const LocalMap& map, const DepthNoise<double>& noise, int window = 0);

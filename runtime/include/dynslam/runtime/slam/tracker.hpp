@@ -7,6 +7,7 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -126,8 +127,15 @@ struct TrackResult {
 class Tracker {
  public:
   Tracker(const CameraConfig& camera, const TrackerOptions& options);
+  Tracker(const Tracker&) = delete;
+  Tracker& operator=(const Tracker&) = delete;
 
-  /// Tracks the next frame. `prior` is the a-priori (semantic) mask, if there is one.
+  /// Tracks the next frame. `prior` is the a-priori (semantic) mask, if there is one. The caller may use its
+  /// images again afterwards: what is kept of them is copied. Frames are counted here; `input.index` plays no
+  /// part.
+  /// @throws InputError, with nothing changed: images or masks that are not of the camera's size or of
+  /// another type
+  ///         than RgbdFrame and Masks say, or a time that does not come after the frame's before
   TrackResult track(const RgbdFrame& input, const std::optional<Masks>& prior);
 
   /// Goes on in an earlier map: the camera is lost until it finds itself there. Call it before track().
@@ -137,6 +145,8 @@ class Tracker {
   void finish();
 
   [[nodiscard]] const LocalMap& map() const { return map_; }
+  /// People at rest, whose features the next frame uses, CV_8UC1; empty where nobody is known to be.
+  [[nodiscard]] const cv::Mat& resting() const { return resting_; }
 
  private:
   void extract(const RgbdFrame& input, Frame& frame);
@@ -199,7 +209,9 @@ class Tracker {
   bool depth_moved_ = false;  // the two differ
   bool initialised_ = false;
   int lost_frames_ = 0;
-  std::size_t corners_ = 0;  // features of the present frame that were extracted, not added for points
+  std::size_t frames_ = 0;        // tracked or lost so far
+  std::optional<double> last_t_;  // of the frame before [s]
+  std::size_t corners_ = 0;       // features of the present frame that were extracted, not added for points
   int reference_id_ = 0;
   std::size_t last_keyframe_index_ = 0;
   int last_keyframe_tracked_ = 0;
@@ -213,5 +225,7 @@ class Tracker {
   cv::Mat resting_;  // people at rest, CV_8UC1
   PoseWorkspace<double> workspace_;
 };
+// A thread of its own adjusts the map through pointers to its members.
+static_assert(!std::is_move_constructible_v<Tracker> && !std::is_move_assignable_v<Tracker>);
 
 }  // namespace dynslam::runtime

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The tracker as a class of its own, fed by a caller who owns the images.
+#include "dynslam/runtime/slam/tracker.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+#include <vector>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/tum_reader.hpp"
+#include "run_fixture.hpp"
+
+using namespace dynslam;
+using namespace dynslam::runtime;
+
+namespace {
+
+constexpr int kFrames = 50;
+
+/// People walking, and one who sits, rendered once for all tests of this file.
+struct Walking {
+  test::WalkingSequence folder{kFrames};
+  Sequence sequence = load_sequence(folder.path);
+  CameraConfig camera = load_camera(sequence.camera_hint);
+
+  [[nodiscard]] RgbdFrame frame(std::size_t i) const { return decode_frame(sequence.frames[i], i, camera); }
+  [[nodiscard]] Masks masks(std::size_t i) const {
+    const std::string name = sequence.frames[i].stamp + ".png";
+    Masks m;
+    m.labels = cv::imread((folder.path / "label" / name).string(), cv::IMREAD_UNCHANGED);
+    m.instances = cv::imread((folder.path / "instance" / name).string(), cv::IMREAD_UNCHANGED);
+    m.dynamic = m.labels == static_cast<int>(Label::person);
+    return m;
+  }
+};
+
+const Walking& walking() {
+  static const Walking sequence;
+  return sequence;
+}
+
+TrackerOptions options(DynamicsMode mode) {
+  TrackerOptions o;
+  o.dynamics = mode;
+  return o;
+}
+
+/// Bytes of everything that a result says about the pose.
+std::string bytes_of(const TrackResult& r) {
+  std::string text(std::to_string(static_cast<int>(r.state)) + ',' + std::to_string(r.inliers) + ',');
+  const Eigen::Matrix4d T = r.T_w_c.matrix();
+  text.append(reinterpret_cast<const char*>(T.data()), sizeof(double) * 16);
+  return text;
+}
+
+/// A buffer that a driver fills again and again, with a rim as some drivers have.
+struct Buffers {
+  cv::Mat gray{480 + 64, 640 + 64, CV_8UC1, cv::Scalar(0)}, depth{480, 640, CV_32FC1},
+      dynamic{480, 640, CV_8UC1};
+
+  RgbdFrame fill(const RgbdFrame& from) {
+    RgbdFrame to = from;
+    to.gray = gray(cv::Rect(32, 32, 640, 480));
+    from.gray.copyTo(to.gray);
+    from.depth.copyTo(depth);
+    to.depth = depth;
+    return to;
+  }
+  void overwrite() {
+    gray.setTo(77);
+    depth.setTo(1.0F);
+    dynamic.setTo(255);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("images and masks of another size or type than the camera's are refused before anything changes") {
+  const Walking& w = walking();
+  Tracker tracker(w.camera, options(DynamicsMode::both)), undisturbed(w.camera, options(DynamicsMode::both));
+  const auto both = [&](std::size_t i) {
+    const std::string expected = bytes_of(undisturbed.track(w.frame(i), w.masks(i)));
+    CHECK(bytes_of(tracker.track(w.frame(i), w.masks(i))) == expected);
+  };
+  const auto refused = [&](std::size_t i, auto&& spoil, const char* why) {
+    RgbdFrame frame = w.frame(i);
+    std::optional<Masks> masks = w.masks(i);
+    spoil(frame, *masks);
+    CAPTURE(why);
+    CHECK_THROWS_WITH_AS((void)tracker.track(frame, masks), doctest::Contains(why), InputError);
+  };
+  both(0);
+  refused(
+      1, [](RgbdFrame& f, Masks&) { f.gray = f.gray(cv::Rect(0, 0, 320, 240)); },
+      "the grey image is 320x240 CV_8UC1, not 640x480 CV_8UC1");
+  refused(
+      1, [](RgbdFrame& f, Masks&) { f.gray = f.bgr; }, "the grey image is 640x480 CV_8UC3");
+  refused(
+      1, [](RgbdFrame& f, Masks&) { f.gray = cv::Mat(); }, "the grey image is empty");
+  refused(
+      1, [](RgbdFrame& f, Masks&) { f.depth = cv::Mat(240, 640, CV_32FC1, cv::Scalar(1)); },
+      "the depth image is 640x240");
+  refused(
+      1, [](RgbdFrame& f, Masks&) { f.depth.convertTo(f.depth, CV_16U, 5000); },
+      "the depth image is 640x480 CV_16UC1");
+  refused(
+      1, [](RgbdFrame& f, Masks&) { f.depth = cv::Mat(); }, "the depth image is empty");
+  refused(
+      1, [](RgbdFrame&, Masks& m) { m.dynamic = cv::Mat::zeros(10, 10, CV_8UC1); },
+      "the a-priori mask is 10x10");
+  refused(
+      1, [](RgbdFrame&, Masks& m) { m.dynamic.convertTo(m.dynamic, CV_32F); },
+      "the a-priori mask is 640x480 CV_32FC1");
+  refused(
+      1, [](RgbdFrame&, Masks& m) { m.labels = cv::Mat::zeros(480, 10, CV_8UC1); },
+      "the label image is 10x480");
+  refused(
+      1, [](RgbdFrame&, Masks& m) { m.instances = m.dynamic; }, "the instance image is 640x480 CV_8UC1");
+  both(1);
+  refused(
+      1, [](RgbdFrame&, Masks&) {}, "does not come after");
+  refused(
+      0, [](RgbdFrame&, Masks&) {}, "does not come after");
+  refused(
+      2, [](RgbdFrame& f, Masks&) { f.t = std::nan(""); }, "is not a number");
+  refused(
+      2, [](RgbdFrame& f, Masks&) { f.t = std::numeric_limits<double>::infinity(); }, "is not a number");
+  refused(
+      2, [](RgbdFrame& f, Masks&) { f.depth_delay = std::nan(""); }, "is not a number");
+  both(2);
+}
+
+TEST_CASE("the tracker counts frames itself: a caller who numbers none of them gets the same poses") {
+  const Walking& w = walking();
+  Tracker numbered(w.camera, options(DynamicsMode::geometric)),
+      unnumbered(w.camera, options(DynamicsMode::geometric));
+  for (std::size_t i = 0; i < 20; ++i) {
+    RgbdFrame frame = w.frame(i);
+    const std::string expected = bytes_of(numbered.track(frame, std::nullopt));
+    frame.index = 0;
+    CHECK(bytes_of(unnumbered.track(frame, std::nullopt)) == expected);
+  }
+  numbered.finish();
+  unnumbered.finish();
+  CHECK(numbered.map().keyframes().size() > 2);
+  CHECK(numbered.map().keyframes().size() == unnumbered.map().keyframes().size());
+}
+
+TEST_CASE("a caller who fills the same images again and again gets the poses of one who does not") {
+  const Walking& w = walking();
+  for (const auto mode : {DynamicsMode::none, DynamicsMode::both}) {
+    Tracker fresh(w.camera, options(mode)), reused(w.camera, options(mode));
+    Buffers buffers;
+    for (std::size_t i = 0; i < 30; ++i) {
+      const RgbdFrame frame = w.frame(i);
+      Masks masks = w.masks(i);
+      const TrackResult expected = fresh.track(frame, masks);
+      masks.dynamic.copyTo(buffers.dynamic);
+      masks.dynamic = buffers.dynamic;
+      const TrackResult result = reused.track(buffers.fill(frame), masks);
+      buffers.overwrite();
+      CHECK(bytes_of(result) == bytes_of(expected));
+      CHECK(cv::norm(result.dynamic_mask, expected.dynamic_mask, cv::NORM_L1) == 0);
+    }
+  }
+}
+
+TEST_CASE("who was at rest before the camera was lost is not taken to be so afterwards") {
+  const Walking& w = walking();
+  Tracker tracker(w.camera, options(DynamicsMode::both));
+  std::size_t i = 0;
+  const auto at_rest = [&] { return tracker.resting().empty() ? 0 : cv::countNonZero(tracker.resting()); };
+  for (; i + 1 < kFrames; ++i) {
+    REQUIRE(tracker.track(w.frame(i), w.masks(i)).state == TrackingState::tracked);
+    if (at_rest() > 0) break;
+  }
+  REQUIRE(at_rest() > 500);  // who sits
+  RgbdFrame black = w.frame(i + 1);
+  black.gray.setTo(0);
+  CHECK(tracker.track(black, w.masks(i + 1)).state == TrackingState::lost);
+  CHECK(at_rest() == 0);
+}
