@@ -2,6 +2,7 @@
 #pragma once
 
 #include <concepts>
+#include <type_traits>
 
 namespace dynslam {
 
@@ -23,7 +24,7 @@ concept DepthImage = ImageLike<I> && std::floating_point<typename I::Pixel>;
 template <class I>
 concept LabelImage = ImageLike<I> && std::integral<typename I::Pixel>;
 
-/// An image that gives its rows as contiguous pixels.
+/// An image that gives its rows as contiguous pixels; pixel loops are faster with it, and never need it.
 template <class I>
 concept RowImage = ImageLike<I> && requires(const I& image, int v) {
   { image.row(v) } -> std::convertible_to<const typename I::Pixel*>;
@@ -34,5 +35,14 @@ template <class I>
 concept MutableImage = ImageLike<I> && requires(I& image, int u, int v, typename I::Pixel p) {
   image(u, v) = p;
 };
+
+/// What a function that writes an image takes as `I&& out`: a mutable image by reference or a view by value.
+template <class I>
+concept OutputImage = MutableImage<std::remove_reference_t<I>>;
+/// The same for labels and masks, and for depth.
+template <class I>
+concept OutputLabelImage = OutputImage<I> && LabelImage<std::remove_reference_t<I>>;
+template <class I>
+concept OutputDepthImage = OutputImage<I> && DepthImage<std::remove_reference_t<I>>;
 
 }  // namespace dynslam

@@ -2,11 +2,12 @@
 #pragma once
 
 #include <concepts>
-#include <cstdint>
 #include <limits>
+#include <type_traits>
 
+#include "dynslam/concepts/image.hpp"
 #include "dynslam/config.hpp"
-#include "dynslam/image/image_view.hpp"
+#include "dynslam/image/image_row.hpp"
 
 namespace dynslam {
 
@@ -16,18 +17,21 @@ template <std::floating_point S>
   return z > S(0) && z <= std::numeric_limits<S>::max();
 }
 
-/// Raw sensor units to metres: out = raw / units_per_metre, 0 becomes NaN.
+/// Raw sensor units to metres: out = raw / units_per_metre, 0 becomes NaN. Calculated in S; both images need
+/// the same size (asserted).
+/// @param raw  any image of integers
 /// @param units_per_metre  5000 for TUM fr1 and fr3, 5208 for fr2
-template <std::floating_point S>
-void depth_to_metres(ImageView<const std::uint16_t> raw, S units_per_metre, ImageView<S> out) {
-  DYNSLAM_ASSERT(raw.width() == out.width() && raw.height() == out.height(),
-                 "both images need the same size");
+template <std::floating_point S, LabelImage Raw, OutputDepthImage Out>
+void depth_to_metres(const Raw& raw, S units_per_metre, Out&& out) {
+  using Depth = typename std::remove_reference_t<Out>::Pixel;
+  DYNSLAM_ASSERT(same_size(raw, out), "both images need the same size");
   const S scale = S(1) / units_per_metre;
   for (int v = 0; v < raw.height(); ++v) {
-    const std::uint16_t* from = raw.row(v);
-    S* to = out.row(v);
+    const auto from = image_row(raw, v);
+    auto to = image_row(out, v);
     for (int u = 0; u < raw.width(); ++u) {
-      to[u] = from[u] == 0 ? std::numeric_limits<S>::quiet_NaN() : static_cast<S>(from[u]) * scale;
+      to[u] = static_cast<Depth>(from[u] == 0 ? std::numeric_limits<S>::quiet_NaN()
+                                              : static_cast<S>(from[u]) * scale);
     }
   }
 }

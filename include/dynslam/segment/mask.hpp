@@ -4,166 +4,172 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
+#include "dynslam/concepts/image.hpp"
 #include "dynslam/config.hpp"
 #include "dynslam/image/image.hpp"
+#include "dynslam/image/image_row.hpp"
+#include "dynslam/segment/connected_components.hpp"
+#include "dynslam/segment/connectivity.hpp"
+
+// Masks are images of integers, nonzero = set; what these functions set is 255 (as far as the pixel's type
+// goes: true for bool). Images of one call need the same size (asserted); images without pixels are fine.
 
 namespace dynslam {
 
 /// Memory of the mask operations; keep it between calls to avoid allocation.
 struct MaskWorkspace {
   Image<std::uint8_t> rows;
-  std::vector<int> parent, size;
+  ComponentsWorkspace components;
   Image<int> labels;
   std::vector<int> counts;
 };
 
 namespace detail {
-/// Separable square structuring element by running counts: constant work per pixel for any radius.
-/// `grow`: any pixel set; else: all pixels (inside the image) set.
-inline void morphology(ImageView<const std::uint8_t> in, ImageView<std::uint8_t> out, int radius, bool grow,
-                       MaskWorkspace& ws) {
-  DYNSLAM_ASSERT(in.width() == out.width() && in.height() == out.height() && radius >= 0,
-                 "equal sizes, radius >= 0");
-  const int w = in.width(), h = in.height();
-  ws.rows.resize(w, h);
-  const auto pass = [&](int n, auto&& get, auto&& set) {
-    int count = 0, inside = 0;
-    for (int i = 0; i < std::min(radius, n); ++i) {
-      count += get(i);
+template <class I>
+inline constexpr auto kMaskSet = static_cast<typename std::remove_cvref_t<I>::Pixel>(255);
+
+/// One line of a morphological operation by running counts: constant work per pixel for any radius.
+/// `grow`: any pixel within the radius set; else: all of those inside the line set.
+template <class Get, class Set>
+void morphology_line(int n, int radius, bool grow, Get&& get, Set&& set) {
+  int count = 0, inside = 0;
+  for (int i = 0; i < std::min(radius, n); ++i) {
+    count += get(i);
+    ++inside;
+  }
+  for (int i = 0; i < n; ++i) {
+    if (i + radius < n) {
+      count += get(i + radius);
       ++inside;
     }
-    for (int i = 0; i < n; ++i) {
-      if (i + radius < n) {
-        count += get(i + radius);
-        ++inside;
-      }
-      set(i, grow ? count > 0 : count == inside);
-      if (i - radius >= 0) {
-        count -= get(i - radius);
-        --inside;
-      }
+    set(i, grow ? count > 0 : count == inside);
+    if (i - radius >= 0) {
+      count -= get(i - radius);
+      --inside;
     }
-  };
+  }
+}
+
+/// Square structuring element, separated into rows and columns.
+template <class In, class Out>
+void morphology(const In& in, Out& out, int radius, bool grow, MaskWorkspace& workspace) {
+  DYNSLAM_ASSERT(same_size(in, out) && radius >= 0, "equal sizes, radius >= 0");
+  const int w = in.width(), h = in.height();
+  radius = std::min(radius, std::max(w, h));  // no more is needed, and sums with it cannot overflow
+  workspace.rows.resize(w, h);
   for (int v = 0; v < h; ++v) {
-    const std::uint8_t* from = in.row(v);
-    std::uint8_t* to = ws.rows.row(v);
-    pass(
-        w, [&](int u) { return from[u] != 0 ? 1 : 0; }, [&](int u, bool value) { to[u] = value ? 1 : 0; });
+    const auto from = image_row(in, v);
+    std::uint8_t* to = workspace.rows.row(v);
+    morphology_line(
+        w, radius, grow, [&](int u) { return from[u] != 0 ? 1 : 0; },
+        [&](int u, bool value) { to[u] = value ? 1 : 0; });
   }
   for (int u = 0; u < w; ++u) {
-    pass(
-        h, [&](int v) { return static_cast<int>(ws.rows(u, v)); },
-        [&](int v, bool value) { out(u, v) = value ? std::uint8_t{255} : std::uint8_t{0}; });
+    morphology_line(
+        h, radius, grow, [&](int v) { return static_cast<int>(workspace.rows(u, v)); },
+        [&](int v, bool value) { out(u, v) = value ? kMaskSet<Out> : typename Out::Pixel(0); });
   }
 }
 }  // namespace detail
 
-/// Dilation by a square of half side `radius`; out is 0 or 255. `in` and `out` may be the same image.
-inline void dilate(ImageView<const std::uint8_t> in, ImageView<std::uint8_t> out, int radius,
-                   MaskWorkspace& ws) {
-  detail::morphology(in, out, radius, true, ws);
+/// Dilation by a square of half side `radius` [pixels]. `in` and `out` may be the same image.
+template <LabelImage In, OutputLabelImage Out>
+void dilate(const In& in, Out&& out, int radius, MaskWorkspace& workspace) {
+  detail::morphology(in, out, radius, true, workspace);
+}
+template <LabelImage In, OutputLabelImage Out>
+void dilate(const In& in, Out&& out, int radius) {
+  MaskWorkspace workspace;
+  dilate(in, out, radius, workspace);
 }
 
-/// Erosion by a square of half side `radius`; pixels outside the image do not erode. Out is 0 or 255.
-inline void erode(ImageView<const std::uint8_t> in, ImageView<std::uint8_t> out, int radius,
-                  MaskWorkspace& ws) {
-  detail::morphology(in, out, radius, false, ws);
+/// Erosion by a square of half side `radius` [pixels]; pixels outside the image do not erode. `in` and `out`
+/// may be the same image.
+template <LabelImage In, OutputLabelImage Out>
+void erode(const In& in, Out&& out, int radius, MaskWorkspace& workspace) {
+  detail::morphology(in, out, radius, false, workspace);
+}
+template <LabelImage In, OutputLabelImage Out>
+void erode(const In& in, Out&& out, int radius) {
+  MaskWorkspace workspace;
+  erode(in, out, radius, workspace);
 }
 
-/// Labels 1..n of the 8-connected components of nonzero pixels, 0 elsewhere, in order of their first
-/// pixel row by row; `counts[label]` = pixels (counts[0] unused). Returns n.
-inline int connected_components(ImageView<const std::uint8_t> mask, Image<int>& labels,
-                                std::vector<int>& counts, MaskWorkspace& ws) {
-  const int w = mask.width(), h = mask.height();
-  labels.resize(w, h);
-  ws.parent.assign(1, 0);
-  const auto find = [&](int i) {
-    while (ws.parent[static_cast<std::size_t>(i)] != i) {
-      auto& p = ws.parent[static_cast<std::size_t>(i)];
-      p = ws.parent[static_cast<std::size_t>(p)];
-      i = p;
-    }
-    return i;
-  };
-  for (int v = 0; v < h; ++v) {
-    for (int u = 0; u < w; ++u) {
-      int label = 0;
-      if (mask(u, v) != 0) {
-        const auto join = [&](int du, int dv) {
-          if (!mask.contains(u + du, v + dv)) return;
-          const int other = labels(u + du, v + dv);
-          if (other == 0) return;
-          const int root = find(other);
-          if (label == 0) {
-            label = root;
-          } else if (root != label) {  // the smaller label stays the root
-            ws.parent[static_cast<std::size_t>(std::max(root, label))] = std::min(root, label);
-            label = std::min(root, label);
-          }
-        };
-        join(-1, 0);
-        join(-1, -1);
-        join(0, -1);
-        join(1, -1);
-        if (label == 0) {
-          label = static_cast<int>(ws.parent.size());
-          ws.parent.push_back(label);
-        }
-      }
-      labels(u, v) = label;
-    }
-  }
-  ws.size.assign(ws.parent.size(), 0);  // becomes the final label of each root
-  int n = 0;
-  for (int i = 1; i < static_cast<int>(ws.parent.size()); ++i) {
-    if (find(i) == i) ws.size[static_cast<std::size_t>(i)] = ++n;
-  }
-  counts.assign(static_cast<std::size_t>(n) + 1, 0);
-  for (int v = 0; v < h; ++v) {
-    for (int u = 0; u < w; ++u) {
-      int& label = labels(u, v);
-      if (label == 0) continue;
-      label = ws.size[static_cast<std::size_t>(find(label))];
-      ++counts[static_cast<std::size_t>(label)];
-    }
-  }
-  return n;
+/// 8-connected components of a mask, see connected_components.hpp.
+template <LabelImage Mask, OutputLabelImage Labels>
+int connected_components(const Mask& mask, Labels&& labels, std::vector<int>& counts,
+                         MaskWorkspace& workspace) {
+  return connected_components(mask, Connectivity::eight, labels, counts, workspace.components);
 }
 
 /// Clears the 8-connected components with fewer than `min_pixels` pixels.
-inline void remove_small(ImageView<std::uint8_t> mask, int min_pixels, MaskWorkspace& ws) {
-  connected_components(mask, ws.labels, ws.counts, ws);
+template <OutputLabelImage Mask>
+void remove_small(Mask&& mask, int min_pixels, MaskWorkspace& workspace) {
+  connected_components(mask, Connectivity::eight, workspace.labels, workspace.counts, workspace.components);
   for (int v = 0; v < mask.height(); ++v) {
+    auto row = image_row(mask, v);
+    const int* label = workspace.labels.row(v);
     for (int u = 0; u < mask.width(); ++u) {
-      if (mask(u, v) != 0 && ws.counts[static_cast<std::size_t>(ws.labels(u, v))] < min_pixels)
-        mask(u, v) = 0;
+      if (label[u] != 0 && workspace.counts[static_cast<std::size_t>(label[u])] < min_pixels) row[u] = 0;
     }
   }
 }
+template <OutputLabelImage Mask>
+void remove_small(Mask&& mask, int min_pixels) {
+  MaskWorkspace workspace;
+  remove_small(mask, min_pixels, workspace);
+}
 
-/// Sets (255) the components of zero pixels that do not touch the image border and have at most
+/// Sets the holes: components of zero pixels that do not touch the border of the image and have at most
 /// `max_pixels` pixels.
-inline void fill_holes(ImageView<std::uint8_t> mask, int max_pixels, MaskWorkspace& ws) {
+/// @param holes  which zero pixels are one hole. Four, the complement of an 8-connected foreground: a closed
+/// curve
+///               of diagonal steps has an inside. Eight is cautious: what touches the outside, or a large
+///               hole, at a corner stays open.
+template <OutputLabelImage Mask>
+void fill_holes(Mask&& mask, int max_pixels, Connectivity holes, MaskWorkspace& workspace) {
   const int w = mask.width(), h = mask.height();
-  ws.rows.resize(w, h);
+  if (w == 0 || h == 0) return;
+  workspace.rows.resize(w, h);
   for (int v = 0; v < h; ++v) {
-    for (int u = 0; u < w; ++u) ws.rows(u, v) = mask(u, v) == 0 ? 1 : 0;
+    const auto row = image_row(mask, v);
+    std::uint8_t* to = workspace.rows.row(v);
+    for (int u = 0; u < w; ++u) to[u] = row[u] == 0 ? 1 : 0;
   }
-  connected_components(ws.rows.view(), ws.labels, ws.counts, ws);
-  for (int u = 0; u < w; ++u)
-    ws.counts[static_cast<std::size_t>(ws.labels(u, 0))] =
-        ws.counts[static_cast<std::size_t>(ws.labels(u, h - 1))] = max_pixels + 1;
-  for (int v = 0; v < h; ++v)
-    ws.counts[static_cast<std::size_t>(ws.labels(0, v))] =
-        ws.counts[static_cast<std::size_t>(ws.labels(w - 1, v))] = max_pixels + 1;
+  connected_components(workspace.rows, holes, workspace.labels, workspace.counts, workspace.components);
+  constexpr int kOpen = -1;  // in place of the count of a component that touches the border
+  const auto open = [&](int u, int v) {
+    workspace.counts[static_cast<std::size_t>(workspace.labels(u, v))] = kOpen;
+  };
+  for (int u = 0; u < w; ++u) {
+    open(u, 0);
+    open(u, h - 1);
+  }
   for (int v = 0; v < h; ++v) {
+    open(0, v);
+    open(w - 1, v);
+  }
+  for (int v = 0; v < h; ++v) {
+    auto row = image_row(mask, v);
+    const int* label = workspace.labels.row(v);
     for (int u = 0; u < w; ++u) {
-      if (mask(u, v) == 0 && ws.counts[static_cast<std::size_t>(ws.labels(u, v))] <= max_pixels)
-        mask(u, v) = 255;
+      if (label[u] == 0) continue;
+      const int count = workspace.counts[static_cast<std::size_t>(label[u])];
+      if (count != kOpen && count <= max_pixels) row[u] = detail::kMaskSet<Mask>;
     }
   }
+}
+template <OutputLabelImage Mask>
+void fill_holes(Mask&& mask, int max_pixels, MaskWorkspace& workspace) {
+  fill_holes(mask, max_pixels, Connectivity::four, workspace);
+}
+template <OutputLabelImage Mask>
+void fill_holes(Mask&& mask, int max_pixels) {
+  MaskWorkspace workspace;
+  fill_holes(mask, max_pixels, Connectivity::four, workspace);
 }
 
 }  // namespace dynslam
