@@ -9,6 +9,7 @@
 #include <opencv2/core.hpp>
 
 #include "dynslam/concepts/image.hpp"
+#include "image_operations.hpp"
 
 using dynslam::ImageView;
 using dynslam::interop::as_mat;
@@ -27,6 +28,26 @@ concept ViewsTemporary = requires {
   view<T>(cv::Mat());
 };
 static_assert(!ViewsTemporary<float>);
+
+/// Matrices of OpenCV, by their views.
+struct OpenCvKind {
+  template <class T>
+  static cv::Mat_<T> make(const dynslam::Image<T>& from) {
+    cv::Mat_<T> m(from.height(), from.width());
+    for (int v = 0; v < from.height(); ++v) {
+      for (int u = 0; u < from.width(); ++u) m(v, u) = from(u, v);
+    }
+    return m;
+  }
+  template <class T>
+  static ImageView<const T> in(const cv::Mat_<T>& m) {
+    return view<T>(static_cast<const cv::Mat&>(m));
+  }
+  template <class T>
+  static ImageView<T> out(cv::Mat_<T>& m) {
+    return view<T>(static_cast<cv::Mat&>(m));
+  }
+};
 
 }  // namespace
 
@@ -82,4 +103,9 @@ TEST_CASE("A matrix header over a view shares its memory") {
   header.at<float>(1, 2) = 9.0F;
   CHECK(m.at<float>(2, 3) == 9.0F);
   CHECK(cv::sum(header)[0] == doctest::Approx(5 * 1.5 + 9.0));
+}
+
+TEST_CASE("Every image operation gives on a matrix what it gives on an image") {
+  CHECK(dynslam::test::run_image_operations<OpenCvKind>() ==
+        dynslam::test::run_image_operations<dynslam::test::OwnedKind>());
 }

@@ -2,10 +2,14 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <limits>
 #include <set>
+#include <utility>
 #include <vector>
 
+#include "dynslam/geometry/pinhole.hpp"
+#include "dynslam/image/normals.hpp"
 #include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/region_growing.hpp"
 #include "random.hpp"
@@ -128,13 +132,61 @@ TEST_CASE("small parts go, small holes close, large ones and open bays stay") {
   CHECK(mask(0, 0) == 0);
 }
 
+TEST_CASE("holes of any size fill, and the outside never does") {
+  MaskWorkspace ws;
+  Image<std::uint8_t> mask(9, 7);
+  for (int u = 2; u < 7; ++u) mask(u, 1) = mask(u, 5) = 255;
+  for (int v = 1; v < 6; ++v) mask(2, v) = mask(6, v) = 255;
+  fill_holes(mask.view(), std::numeric_limits<int>::max(), ws);  // the count of the outside once overflowed
+  CHECK(mask(0, 0) == 0);
+  CHECK(mask(8, 6) == 0);
+  CHECK(std::count(mask.data(), mask.data() + 63, 255) == 25);
+}
+
+TEST_CASE("a ring of diagonal steps has an inside; its holes are 4-connected") {
+  MaskWorkspace ws;
+  Image<std::uint8_t> mask(9, 9);
+  for (int v = 0; v < 9; ++v) {
+    for (int u = 0; u < 9; ++u) mask(u, v) = std::abs(u - 4) + std::abs(v - 4) == 3 ? 255 : 0;
+  }
+  std::vector<int> counts;
+  Image<int> labels;
+  CHECK(connected_components(mask.view(), labels, counts, ws) == 1);
+  CHECK(connected_components(mask.view(), Connectivity::four, labels, counts) == 12);
+  fill_holes(mask.view(), 100, Connectivity::eight, ws);
+  CHECK(mask(4, 4) == 0);  // on request a gap at a corner leaves it open
+  fill_holes(mask.view(), 100, ws);
+  for (int v = 0; v < 9; ++v) {
+    for (int u = 0; u < 9; ++u) CHECK(mask(u, v) == (std::abs(u - 4) + std::abs(v - 4) <= 3 ? 255 : 0));
+  }
+}
+
+TEST_CASE("images without pixels pass through every mask operation and through growing") {
+  MaskWorkspace ws;
+  RegionGrowingWorkspace growing;
+  for (const auto& [w, h] : {std::pair{5, 0}, std::pair{0, 5}, std::pair{0, 0}}) {
+    Image<std::uint8_t> mask(w, h), out(w, h);
+    dilate(mask.view(), out.view(), 2, ws);
+    erode(mask.view(), out.view(), std::numeric_limits<int>::max(), ws);
+    Image<int> labels;
+    std::vector<int> counts;
+    CHECK(connected_components(mask.view(), labels, counts, ws) == 0);
+    remove_small(mask.view(), 3, ws);
+    fill_holes(mask.view(), 3, ws);
+    const std::vector<PixelIndex> seeds{{0, 0}};
+    CHECK(grow_regions(Image<float>(w, h), std::span<const PixelIndex>(seeds), RelativeStep<float>{}, {},
+                       mask.view(), growing)
+              .regions == 0);
+  }
+}
+
 TEST_CASE("a fixed step floods through the floor; the guard drops it, the relative step does not leak") {
   const auto depth = person_on_floor();
   RegionGrowingWorkspace ws;
   Image<std::uint8_t> mask(160, 120);
   const std::vector<PixelIndex> seed{{75, 60}};
   RegionGrowingOptions unguarded;
-  unguarded.max_region_fraction = 1.0;
+  unguarded.max_region_fraction = unguarded.max_total_fraction = 1.0;
   auto result = grow_regions(depth, std::span<const PixelIndex>(seed), FixedStep<float>{0.06F}, unguarded,
                              mask.view(), ws);
   CHECK(result.pixels > 6000);  // the person has 3395
@@ -159,8 +211,8 @@ TEST_CASE("a barrier stops growing, also around the feet") {
   }
   RegionGrowingWorkspace ws;
   const std::vector<PixelIndex> seeds{{75, 60}, {10, 115}};
-  const auto result = grow_regions(depth, std::span<const PixelIndex>(seeds), FixedStep<float>{0.06F}, {},
-                                   mask.view(), ws, barrier.view());
+  const auto result = grow_regions(depth, barrier, std::span<const PixelIndex>(seeds),
+                                   FixedStep<float>{0.06F}, {}, mask.view(), ws);
   CHECK(result.pixels == 35 * 92);
   CHECK(mask(75, 111) == 255);
   CHECK(mask(75, 112) == 0);
@@ -199,4 +251,120 @@ TEST_CASE("the region is valid depth only and does not depend on the order of th
       if (first(u, v) != 0) CHECK(is_valid_depth(depth(u, v)));
     }
   }
+}
+
+TEST_CASE("two walls that a false seed each floods do not mask everything: all regions have a limit, too") {
+  // Each wall is half the image, which no limit of one region forbids.
+  Image<float> depth(40, 20, 2.0F);
+  for (int v = 0; v < 20; ++v) {
+    for (int u = 20; u < 40; ++u) depth(u, v) = 3.0F;
+  }
+  for (int v = 4; v < 8; ++v) {
+    for (int u = 4; u < 8; ++u) depth(u, v) = 1.0F;  // what really moves
+  }
+  std::vector<PixelIndex> seeds{{1, 1}, {30, 10}, {5, 5}};
+  RegionGrowingWorkspace ws;
+  Image<std::uint8_t> mask(40, 20);
+  const auto grow = [&](double total) {
+    RegionGrowingOptions options;
+    options.max_total_fraction = total;
+    return grow_regions(depth, std::span<const PixelIndex>(seeds), RelativeStep<float>{}, options,
+                        mask.view(), ws);
+  };
+  CHECK(grow(1.0).pixels == 800);  // as it was: everything
+  for (int order = 0; order < 6; ++order) {
+    std::next_permutation(seeds.begin(), seeds.end(),
+                          [](const PixelIndex& a, const PixelIndex& b) { return a.u < b.u; });
+    auto result = grow(0.8);
+    CHECK(result.ok());
+    CHECK(result.regions == 2);
+    CHECK(result.regions_excess == 1);
+    CHECK(result.pixels == 400);
+    CHECK(mask(30, 10) == 0);  // the largest goes
+    CHECK(mask(1, 1) == 255);
+    result = grow(0.4);
+    CHECK(result.regions == 1);
+    CHECK(result.regions_excess == 2);
+    CHECK(result.pixels == 16);
+    CHECK(mask(5, 5) == 255);
+  }
+  // Of two of one size the upper left one goes, whatever the order of the seeds.
+  for (int v = 4; v < 8; ++v) {
+    for (int u = 4; u < 8; ++u) depth(u, v) = 2.0F;
+  }
+  for (const auto& two :
+       {std::vector<PixelIndex>{{1, 1}, {30, 10}}, std::vector<PixelIndex>{{30, 10}, {1, 1}}}) {
+    seeds = two;
+    CHECK(grow(0.8).regions == 1);
+    CHECK(mask(1, 1) == 0);
+    CHECK(mask(30, 10) == 255);
+  }
+}
+
+TEST_CASE("growing says that sizes differ instead of reading beyond them") {
+  RegionGrowingWorkspace ws;
+  Image<std::uint8_t> mask(8, 6, 7), small(4, 6);
+  const std::vector<PixelIndex> seeds{{1, 1}};
+  const Image<float> depth(8, 6, 1.0F);
+  const auto span = std::span<const PixelIndex>(seeds);
+  CHECK(grow_regions(depth, span, RelativeStep<float>{}, {}, small, ws).status ==
+        RegionGrowingStatus::size_mismatch);
+  CHECK_FALSE(grow_regions(depth, small, span, RelativeStep<float>{}, {}, mask, ws).ok());
+  CHECK(mask(1, 1) == 7);
+}
+
+TEST_CASE_TEMPLATE("a criterion sees the pixel: labels, normals, anything", S, float, double) {
+  // Two people side by side at the same depth, as a network labels them, before a wall.
+  Image<S> depth(60, 40, S(3));
+  Image<std::uint16_t> instances(60, 40);
+  for (int v = 10; v < 30; ++v) {
+    for (int u = 10; u < 50; ++u) {
+      depth(u, v) = S(1.5);
+      instances(u, v) = static_cast<std::uint16_t>(u < 30 ? 1 : 2);
+    }
+  }
+  RegionGrowingWorkspace ws;
+  Image<std::uint8_t> mask(60, 40);
+  const std::vector<PixelIndex> seeds{{15, 15}};
+  const auto span = std::span<const PixelIndex>(seeds);
+  const RelativeStep<S> step;
+  CHECK(grow_regions(depth, span, step, {}, mask, ws).pixels == 800);
+  CHECK(grow_regions(depth, span, SameLabelStep(instances, step), {}, mask, ws).pixels == 400);
+  CHECK(mask(29, 15) == 255);
+  CHECK(mask(30, 15) == 0);
+  const auto left_of = [&](const GrowingSite<S>& from, const GrowingSite<S>& to) {
+    return from.u < 20 && to.u < 20 && step(from.depth, to.depth);
+  };
+  CHECK(grow_regions(depth, span, left_of, {}, mask, ws).pixels == 200);
+}
+
+TEST_CASE_TEMPLATE("normals stop growing where a board stands on the floor at one depth", S, float, double) {
+  // A floor 1 m below the camera and a board that stands on it at 3 m: along their line no depth steps.
+  const Pinhole<S> camera(S(100), S(100), S(79.5), S(59.5));
+  Image<S> depth(160, 120);
+  for (int v = 0; v < 120; ++v) {
+    for (int u = 0; u < 160; ++u) {
+      const S floor = v > 60 ? S(100) / (S(v) - S(59.5)) : S(100);
+      depth(u, v) = std::min(floor, u > 50 && u < 110 ? S(3) : S(4));
+    }
+  }
+  Image<Eigen::Matrix<S, 3, 1>> normals(160, 120);
+  surface_normals(camera, depth, NormalOptions<S>{}, normals);
+  CHECK(normals(80, 40).dot(Eigen::Matrix<S, 3, 1>(0, 0, -1)) == doctest::Approx(1));
+  CHECK(normals(80, 110).dot(Eigen::Matrix<S, 3, 1>(0, -1, 0)) == doctest::Approx(1));
+  CHECK(normals(0, 0).hasNaN());
+  CHECK(normals(51, 40).hasNaN());  // at the edge
+  RegionGrowingWorkspace ws;
+  Image<std::uint8_t> mask(160, 120);
+  const std::vector<PixelIndex> seeds{{80, 40}};
+  const auto span = std::span<const PixelIndex>(seeds);
+  RegionGrowingOptions options;
+  options.max_region_fraction = options.max_total_fraction = 1;
+  const RelativeStep<S> step{S(0.05), S(0.005)};
+  grow_regions(depth, span, step, options, mask, ws);
+  CHECK(mask(80, 115) == 255);  // depth alone runs down the floor
+  grow_regions(depth, span, SmoothSurfaceStep(normals, S(0.2), step), options, mask, ws);
+  CHECK(mask(80, 88) == 255);
+  CHECK(mask(80, 105) == 0);
+  CHECK(mask(10, 115) == 0);
 }

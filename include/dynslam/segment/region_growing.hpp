@@ -2,16 +2,18 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
-#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <type_traits>
 #include <vector>
 
-#include "dynslam/config.hpp"
+#include "dynslam/concepts/image.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/image/image.hpp"
+#include "dynslam/image/image_row.hpp"
+#include "dynslam/segment/connectivity.hpp"
+#include "dynslam/segment/growing_criteria.hpp"
 
 namespace dynslam {
 
@@ -19,110 +21,194 @@ struct PixelIndex {
   int u, v;
 };
 
-/// Decides whether growing may step from one pixel to a neighbour, from their depths [m]. It must be
-/// symmetric, or the result depends on the order of the seeds.
-template <class C, class S>
-concept GrowingCriterion = requires(const C& criterion, S from, S to) {
-  { criterion(from, to) } -> std::convertible_to<bool>;
-};
-
-/// The paper's: a constant depth step [m]. On real depth it floods through the floor; kept for comparison.
-template <std::floating_point S>
-struct FixedStep {
-  S step = S(0.05);
-  [[nodiscard]] bool operator()(S from, S to) const { return std::abs(from - to) < step; }
-};
-
-/// A step that grows with the sensor's noise: |dz| < base + quad * z^2, z being the smaller depth.
-template <std::floating_point S>
-struct RelativeStep {
-  S base = S(0.02), quad = S(0.005);
-  [[nodiscard]] bool operator()(S from, S to) const {
-    const S z = std::min(from, to);
-    return std::abs(from - to) < base + quad * z * z;
-  }
-};
-
 struct RegionGrowingOptions {
-  double max_region_fraction = 0.6;  ///< of the valid depth; a larger region has leaked and is dropped
-  int min_region_pixels = 1;         ///< smaller regions are dropped
-  bool eight_connected = false;
+  /// Share of the valid depth beyond which a region has leaked, and is dropped: no mover fills most of the
+  /// view.
+  double max_region_fraction = 0.6;
+  /// Share of the valid depth beyond which all regions together have leaked: the largest are dropped until
+  /// the rest fits. More than one mover may be there, but a pose needs something at rest.
+  double max_total_fraction = 0.8;
+  int min_region_pixels = 1;  ///< smaller regions are dropped
+  Connectivity connectivity = Connectivity::four;
+};
+
+enum class RegionGrowingStatus : std::uint8_t {
+  success,
+  size_mismatch  ///< mask or barrier differ in size from the depth image; nothing was written
 };
 
 struct RegionGrowingResult {
+  RegionGrowingStatus status = RegionGrowingStatus::success;
   int regions = 0;         ///< kept
   int regions_leaked = 0;  ///< dropped: too large
+  int regions_excess = 0;  ///< dropped: the largest of too much together
   int regions_small = 0;   ///< dropped: too small
   std::size_t pixels = 0;  ///< in the kept regions
+  [[nodiscard]] bool ok() const { return status == RegionGrowingStatus::success; }
 };
 
 /// Memory of grow_regions; keep it between calls to avoid allocation.
 struct RegionGrowingWorkspace {
+  struct Region {
+    std::size_t begin, size;  ///< in `queue`
+    std::int64_t first;       ///< its first pixel, row by row; computed where it decides
+  };
   Image<std::uint8_t> visited;
-  std::vector<int> queue;  // pixel indices of the present region, also its list
+  std::vector<PixelIndex> queue;  ///< pixels of the regions, one after the other
+  std::vector<Region> regions;
 };
+
+namespace detail {
+/// Stands for a barrier that is not there.
+struct NoBarrier {
+  using Pixel = std::uint8_t;
+  [[nodiscard]] static int width() { return 0; }
+  [[nodiscard]] static int height() { return 0; }
+  [[nodiscard]] std::uint8_t operator()(int, int) const { return 0; }
+};
+
+/// Marks as visited what growing must not enter. @return pixels of valid depth
+template <class D, class Barrier>
+std::size_t close_pixels(const D& depth, const Barrier& barrier, Image<std::uint8_t>& visited) {
+  std::size_t valid = 0;
+  visited.resize(depth.width(), depth.height());
+  for (int v = 0; v < depth.height(); ++v) {
+    const auto z = image_row(depth, v);
+    const auto closed = image_row(barrier, v);
+    std::uint8_t* out = visited.row(v);
+    for (int u = 0; u < depth.width(); ++u) {
+      const bool ok = is_valid_depth(z[u]);
+      valid += ok ? 1 : 0;
+      out[u] = ok && closed[u] == 0 ? 0 : 1;
+    }
+  }
+  return valid;
+}
+
+/// Appends to the queue everything that a seed reaches.
+template <class D, class Criterion>
+void grow_from(const D& depth, PixelIndex seed, const Criterion& criterion, std::span<const PixelStep> steps,
+               RegionGrowingWorkspace& workspace) {
+  using S = typename D::Pixel;
+  const int w = depth.width(), h = depth.height();
+  auto& visited = workspace.visited;
+  auto& queue = workspace.queue;
+  std::size_t head = queue.size();
+  queue.push_back(seed);
+  visited(seed.u, seed.v) = 1;
+  for (; head < queue.size(); ++head) {
+    const PixelIndex p = queue[head];
+    const GrowingSite<S> from{p.u, p.v, depth(p.u, p.v)};
+    for (const PixelStep& step : steps) {
+      const int u = p.u + step.du, v = p.v + step.dv;
+      if (u < 0 || v < 0 || u >= w || v >= h || visited(u, v) != 0) continue;
+      if (!may_step(criterion, from, GrowingSite<S>{u, v, depth(u, v)})) continue;
+      visited(u, v) = 1;
+      queue.push_back({u, v});
+    }
+  }
+}
+
+/// Drops the largest regions until the rest has at most `limit` pixels. Of equal ones that with the first
+/// pixel row by row goes first, so the order of the seeds does not matter.
+inline void drop_excess(std::size_t limit, int width, RegionGrowingWorkspace& workspace,
+                        RegionGrowingResult& result) {
+  if (result.pixels <= limit) return;
+  auto& regions = workspace.regions;
+  for (auto& region : regions) {
+    const auto place = [&](const PixelIndex& p) { return std::int64_t(p.v) * width + p.u; };
+    region.first = place(workspace.queue[region.begin]);
+    for (std::size_t i = 1; i < region.size; ++i)
+      region.first = std::min(region.first, place(workspace.queue[region.begin + i]));
+  }
+  std::sort(regions.begin(), regions.end(), [](const auto& a, const auto& b) {
+    return a.size != b.size ? a.size > b.size : a.first < b.first;
+  });
+  std::size_t dropped = 0;
+  while (dropped < regions.size() && result.pixels > limit) result.pixels -= regions[dropped++].size;
+  regions.erase(regions.begin(), regions.begin() + static_cast<std::ptrdiff_t>(dropped));
+  result.regions_excess = static_cast<int>(dropped);
+  result.regions = static_cast<int>(regions.size());
+}
+
+template <class D, class Barrier, class Criterion, class Mask>
+RegionGrowingResult grow_regions(const D& depth, const Barrier& barrier, std::span<const PixelIndex> seeds,
+                                 const Criterion& criterion, const RegionGrowingOptions& options, Mask& mask,
+                                 RegionGrowingWorkspace& workspace) {
+  const int w = depth.width(), h = depth.height();
+  const std::size_t valid = close_pixels(depth, barrier, workspace.visited);
+  const auto share = [&](double fraction) {
+    return static_cast<std::size_t>(std::max(0.0, fraction) * static_cast<double>(valid));
+  };
+  const std::size_t limit = share(options.max_region_fraction);
+  const auto smallest = static_cast<std::size_t>(std::max(0, options.min_region_pixels));
+  const auto steps = neighbour_steps(options.connectivity);
+  workspace.queue.clear();
+  workspace.regions.clear();
+  RegionGrowingResult result;
+  for (const PixelIndex& seed : seeds) {
+    if (seed.u < 0 || seed.v < 0 || seed.u >= w || seed.v >= h || workspace.visited(seed.u, seed.v) != 0)
+      continue;
+    const std::size_t begin = workspace.queue.size();
+    grow_from(depth, seed, criterion, steps, workspace);
+    const std::size_t size = workspace.queue.size() - begin;
+    if (size <= limit && size >= smallest) {
+      ++result.regions;
+      result.pixels += size;
+      workspace.regions.push_back({begin, size, 0});
+    } else {
+      ++(size > limit ? result.regions_leaked : result.regions_small);
+      workspace.queue.resize(begin);
+    }
+  }
+  drop_excess(share(options.max_total_fraction), w, workspace, result);
+  for (int v = 0; v < h; ++v) {
+    auto row = image_row(mask, v);
+    for (int u = 0; u < w; ++u) row[u] = 0;
+  }
+  for (const auto& region : workspace.regions) {
+    for (std::size_t i = region.begin; i < region.begin + region.size; ++i) {
+      const PixelIndex p = workspace.queue[i];
+      mask(p.u, p.v) = static_cast<typename Mask::Pixel>(255);
+    }
+  }
+  return result;
+}
+}  // namespace detail
 
 /// Grows regions on a depth image from seeds (paper, step 9). A region is everything connected to a
 /// seed by steps the criterion allows, through valid depth and outside the barrier; regions that meet
-/// are one. A leaked or small region is dropped whole, its seeds included.
+/// are one. A leaked or small region is dropped whole, its seeds included, and so are the largest ones when
+/// all together are too much.
 ///
 /// The result does not depend on the order of the seeds. Seeds on invalid depth, on the barrier or
 /// outside the image are ignored.
-/// @param mask     out: 255 in kept regions, 0 elsewhere; size of `depth`
-/// @param barrier  empty, or nonzero where growing must not enter
-template <DepthImage D, class Criterion>
+/// @param barrier    nonzero where growing must not enter; size of `depth`
+/// @param criterion  by depths or by pixels, see growing_criteria.hpp
+/// @param mask       out: 255 in kept regions, 0 elsewhere; size of `depth`
+template <DepthImage D, LabelImage Barrier, class Criterion, OutputLabelImage Mask>
+  requires GrowingCriterion<Criterion, typename D::Pixel> RegionGrowingResult grow_regions(
+      const D& depth, const Barrier& barrier, std::span<const PixelIndex> seeds, const Criterion& criterion,
+      const RegionGrowingOptions& options, Mask&& mask, RegionGrowingWorkspace& workspace) {
+    if (!same_size(depth, mask) || !same_size(depth, barrier))
+      return {.status = RegionGrowingStatus::size_mismatch};
+    return detail::grow_regions(depth, barrier, seeds, criterion, options, mask, workspace);
+  }
+/// Without a barrier.
+template <DepthImage D, class Criterion, OutputLabelImage Mask>
   requires GrowingCriterion<Criterion, typename D::Pixel> RegionGrowingResult
   grow_regions(const D& depth, std::span<const PixelIndex> seeds, const Criterion& criterion,
-               const RegionGrowingOptions& options, ImageView<std::uint8_t> mask, RegionGrowingWorkspace& ws,
-               ImageView<const std::uint8_t> barrier = {}) {
-    const int w = depth.width(), h = depth.height();
-    DYNSLAM_ASSERT(mask.width() == w && mask.height() == h, "the mask needs the size of the depth image");
-    const bool fenced = barrier.data() != nullptr;
-    DYNSLAM_ASSERT(!fenced || (barrier.width() == w && barrier.height() == h),
-                   "the barrier needs the size of the depth image");
-    std::size_t valid = 0;
-    ws.visited.resize(w, h);
-    for (int v = 0; v < h; ++v) {
-      for (int u = 0; u < w; ++u) {
-        const bool ok = is_valid_depth(depth(u, v));
-        valid += ok ? 1 : 0;
-        ws.visited(u, v) = ok && !(fenced && barrier(u, v) != 0) ? 0 : 1;  // closed pixels count as visited
-        mask(u, v) = 0;
-      }
-    }
-    const auto limit = static_cast<std::size_t>(options.max_region_fraction * static_cast<double>(valid));
-    constexpr int kDu[8] = {-1, 1, 0, 0, -1, 1, -1, 1};
-    constexpr int kDv[8] = {0, 0, -1, 1, -1, -1, 1, 1};
-    const int directions = options.eight_connected ? 8 : 4;
-
-    RegionGrowingResult result;
-    for (const PixelIndex& seed : seeds) {
-      if (seed.u < 0 || seed.v < 0 || seed.u >= w || seed.v >= h || ws.visited(seed.u, seed.v) != 0) continue;
-      ws.queue.clear();
-      ws.queue.push_back(seed.v * w + seed.u);
-      ws.visited(seed.u, seed.v) = 1;
-      for (std::size_t head = 0; head < ws.queue.size(); ++head) {
-        const int u = ws.queue[head] % w, v = ws.queue[head] / w;
-        const auto z = depth(u, v);
-        for (int k = 0; k < directions; ++k) {
-          const int nu = u + kDu[k], nv = v + kDv[k];
-          if (nu < 0 || nv < 0 || nu >= w || nv >= h || ws.visited(nu, nv) != 0) continue;
-          if (!criterion(z, depth(nu, nv))) continue;
-          ws.visited(nu, nv) = 1;
-          ws.queue.push_back(nv * w + nu);
-        }
-      }
-      if (ws.queue.size() > limit) {
-        ++result.regions_leaked;
-      } else if (ws.queue.size() < static_cast<std::size_t>(std::max(0, options.min_region_pixels))) {
-        ++result.regions_small;
-      } else {
-        ++result.regions;
-        result.pixels += ws.queue.size();
-        for (const int i : ws.queue) mask(i % w, i / w) = 255;
-      }
-    }
-    return result;
+               const RegionGrowingOptions& options, Mask&& mask, RegionGrowingWorkspace& workspace) {
+    if (!same_size(depth, mask)) return {.status = RegionGrowingStatus::size_mismatch};
+    return detail::grow_regions(depth, detail::NoBarrier{}, seeds, criterion, options, mask, workspace);
+  }
+/// Without a barrier and without memory from call to call.
+template <DepthImage D, class Criterion, OutputLabelImage Mask>
+  requires GrowingCriterion<Criterion, typename D::Pixel> RegionGrowingResult
+  grow_regions(const D& depth, std::span<const PixelIndex> seeds, const Criterion& criterion,
+               const RegionGrowingOptions& options, Mask&& mask) {
+    RegionGrowingWorkspace workspace;
+    return grow_regions(depth, seeds, criterion, options, mask, workspace);
   }
 
 }  // namespace dynslam

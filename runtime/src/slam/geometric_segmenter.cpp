@@ -467,11 +467,12 @@ void GeometricSegmenter::grow(GeometryStatistics& statistics) {
     growing.min_region_pixels = options_.min_region_cells;
     const RelativeStep<float> criterion{options_.step_base, options_.step_quad};
     const auto result =
-        grow_regions(std::as_const(depth_).view(), std::span<const PixelIndex>(seeds), criterion, growing,
-                     mask_.view(), growing_, std::as_const(barrier_).view());
+        grow_regions(std::as_const(depth_).view(), std::as_const(barrier_).view(),
+                     std::span<const PixelIndex>(seeds), criterion, growing, mask_.view(), growing_);
     statistics.regions_leaked = result.regions_leaked;
-    // A hole in a mover is the mover: its inside overlaps where it was before and looks at rest.
-    fill_holes(mask_.view(), options_.max_hole_cells, morphology_);
+    // A hole in a mover is the mover: its inside overlaps where it was before and looks at rest. What touches
+    // the outside at a corner is not counted as inside: it more often is what is seen past the mover.
+    fill_holes(mask_.view(), options_.max_hole_cells, Connectivity::eight, morphology_);
   }
   // Cells that only the growing reached are as old as the newest evidence of their region; without
   // that a mask would feed on itself.
