@@ -98,26 +98,3 @@ TEST_CASE("descriptors follow a rotation of the image by 90 degrees") {
   CHECK(matched > 100);
   CHECK(right > matched * 9 / 10);
 }
-
-TEST_CASE("the grid returns exactly the features of the asked square") {
-  cv::RNG rng(3);
-  std::vector<Feature> features(500);
-  for (Feature& f : features) {
-    f.x = rng.uniform(-10.0F, 650.0F);
-    f.y = rng.uniform(-10.0F, 490.0F);
-  }
-  FeatureGrid grid;
-  grid.build(features, 640, 480);
-  for (int trial = 0; trial < 50; ++trial) {
-    const float x = rng.uniform(-20.0F, 660.0F), y = rng.uniform(-20.0F, 500.0F),
-                r = rng.uniform(1.0F, 60.0F);
-    std::vector<int> found, expected;
-    grid.for_each_near(features, x, y, r, [&](int i) { found.push_back(i); });
-    for (int i = 0; i < 500; ++i) {
-      const Feature& f = features[static_cast<std::size_t>(i)];
-      if (std::abs(f.x - x) <= r && std::abs(f.y - y) <= r) expected.push_back(i);
-    }
-    std::sort(found.begin(), found.end());
-    CHECK(found == expected);
-  }
-}

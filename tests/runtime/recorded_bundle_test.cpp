@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "dynslam/runtime/slam/local_bundle.hpp"
+#include "dynslam/map/bundle_window.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
 #include "dynslam/runtime/synth/synth.hpp"
 #include "recorded_scans.hpp"
@@ -35,7 +35,7 @@ TEST_CASE("on the windows of a sequence, bundle adjustment ends at Ceres' cost")
   options.dynamics = DynamicsMode::geometric;
   Tracker tracker(camera, options);
   const LocalBundleOptions& local = options.local_bundle;
-  LocalBundle bundle(camera.model.pinhole(), local);
+  BundleWindow<double> bundle(local);
   BundleWorkspace<double> workspace;
   BundleOptions<double> solver;
   solver.max_iterations = 200;

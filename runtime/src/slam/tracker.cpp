@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "dynslam/interop/opencv.hpp"
 #include "dynslam/runtime/stopwatch.hpp"
 #include "slam/input_check.hpp"
 
@@ -65,8 +66,8 @@ Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
       extractor_(options.features),
       geometry_(camera, options.geometry),
       bundle_(camera.model.pinhole(), options.local_bundle),
-      verifier_(camera, options.depth_noise, options.relocalisation),
-      loops_(camera, options.depth_noise, options.loops) {
+      verifier_(camera.model.pinhole(), camera.model, options.depth_noise, options.relocalisation),
+      loops_(camera.model.pinhole(), camera.model, options.depth_noise, options.loops) {
   undistort_lut_.resize(static_cast<std::size_t>(camera_.width) * static_cast<std::size_t>(camera_.height));
   for (int v = 0; v < camera_.height; ++v) {
     for (int u = 0; u < camera_.width; ++u) {
@@ -185,27 +186,11 @@ bool Tracker::initialise(Frame& frame, const RgbdFrame& input) {
 bool Tracker::find_best(const Frame& frame, const Descriptor& descriptor, float x, float y, float radius,
                         int octave_low, int octave_high, int max_distance, float ratio, int& best,
                         int& distance) const {
-  int second = 257, best_octave = -1, second_octave = -2;
-  best = -1;
-  distance = 257;
-  frame.grid.for_each_near(frame.features, x, y, radius, [&](int i) {
-    const auto k = static_cast<std::size_t>(i);
-    const int octave = frame.features[k].octave;
-    if (frame.dynamic[k] != 0 || octave < octave_low || octave > octave_high) return;
-    const int d = hamming_distance(descriptor, frame.descriptors[k]);
-    if (d < distance) {
-      second = distance;
-      second_octave = best_octave;
-      distance = d;
-      best_octave = octave;
-      best = i;
-    } else if (d < second) {
-      second = d;
-      second_octave = octave;
-    }
-  });
-  if (best < 0 || distance > max_distance) return false;
-  return second_octave != best_octave || static_cast<float>(distance) <= ratio * static_cast<float>(second);
+  const GuidedMatch match =
+      guided_match(frame.view(), descriptor, {x, y, radius, octave_low, octave_high, max_distance, ratio});
+  best = match.feature;
+  distance = match.distance;
+  return match.ok();
 }
 
 int Tracker::match_last(Frame& frame, const SE3<double>& T_c_w, float radius) {
@@ -412,12 +397,11 @@ bool Tracker::relocalise(Frame& frame, const cv::Mat& depth, SE3<double>& T_c_w)
   for (const auto& [votes, keyframe] : places_found_) {
     std::fill(frame.point.begin(), frame.point.end(), -1);
     drop_unmatched(frame);
-    const auto found = verifier_.verify(map_, frame, depth, keyframe);
-    if (!found) continue;
-    for (const auto& [feature, point] : found->matches)
-      frame.point[static_cast<std::size_t>(feature)] = point;
-    match_local(frame, found->T_c_w, depth);
-    const PoseResult<double> result = optimise(frame, found->T_c_w, true);
+    const auto found = verifier_.verify(map_, frame, interop::view<float>(depth), keyframe);
+    if (!found.ok()) continue;
+    for (const auto& [feature, point] : found.matches) frame.point[static_cast<std::size_t>(feature)] = point;
+    match_local(frame, found.T_c_w, depth);
+    const PoseResult<double> result = optimise(frame, found.T_c_w, true);
     if (result.inliers < 2 * options_.min_inliers || !reachable(result.T_c_w, frame.t)) continue;
     T_c_w = result.T_c_w;
     return true;
@@ -731,7 +715,7 @@ std::optional<LoopClosing> Tracker::insert_keyframe(Frame& frame, const RgbdFram
   map_.cull();
   std::optional<LoopClosing> loop;
   if (options_.close_loops) {
-    loop = loops_.close(map_, places_, id, input.depth);
+    loop = loops_.close(map_, places_, id, interop::view<float>(input.depth));
     if (loop) {
       follow(loop->D);
       frame.T_c_w = map_.keyframe(id).frame.T_c_w;

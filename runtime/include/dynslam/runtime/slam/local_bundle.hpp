@@ -1,22 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstdint>
 #include <future>
-#include <vector>
+#include <type_traits>
 
 #include "dynslam/geometry/pinhole.hpp"
+#include "dynslam/map/bundle_window.hpp"
 #include "dynslam/optim/bundle_adjustment.hpp"
 #include "dynslam/runtime/slam/local_map.hpp"
 
 namespace dynslam::runtime {
 
-struct LocalBundleOptions {
-  int window = 10;           ///< keyframes adjusted: the newest and those that share most points with it
-  int fixed = 15;            ///< keyframes outside that see the same points, kept as they are
-  int min_sights = 2;        ///< of a point to take part
-  double nu = 5.0;           ///< t-distribution of the residuals
-  double outlier_chi2 = 16;  ///< sights beyond are removed from the map
+struct LocalBundleOptions : BundleWindowOptions<double> {
+  double nu = 5.0;  ///< t-distribution of the residuals
   BundleOptions<double> solver;
 };
 
@@ -28,40 +24,27 @@ struct LocalBundleOptions {
 class LocalBundle {
  public:
   LocalBundle(const Pinhole<double>& camera, const LocalBundleOptions& options)
-      : camera_(camera), options_(options) {}
-  LocalBundle(const LocalBundle&) = delete;  // its thread uses the members
+      : camera_(camera), options_(options), window_(options) {}
+  // The thread uses this object where it is.
+  LocalBundle(const LocalBundle&) = delete;
   LocalBundle& operator=(const LocalBundle&) = delete;
 
-  /// Copies the newest keyframe and its surroundings, or those of `window` keyframes where that is given.
-  void collect(const LocalMap& map, const DepthNoise<double>& noise, int window = 0);
-  /// What collect() found; valid until the next call.
-  [[nodiscard]] BundleProblem<double> problem() { return {poses_, fixed_, points_, observations_}; }
-  /// Collects and starts the adjustment.
+  /// Copies the newest keyframe and its surroundings, or those of `window` keyframes where that is given, and
+  /// starts the adjustment.
   void start(const LocalMap& map, const DepthNoise<double>& noise, int window = 0);
   [[nodiscard]] bool pending() const { return running_.valid(); }
   /// Waits for the result and writes it into the map.
-  /// @return the correction D of the newest keyframe's pose, new T_c_w = old T_c_w D, which everything
-  ///         that was placed relative to it since has to follow (later keyframes and points already do)
+  /// @return the correction of the newest keyframe's pose, see BundleWindow::apply
   SE3<double> apply(LocalMap& map);
 
  private:
-  struct Sight {
-    int keyframe, feature;
-  };
-
   Pinhole<double> camera_;
   LocalBundleOptions options_;
-  std::vector<int> keyframe_ids_, point_ids_, local_point_;
-  int newest_ = 0;
-  std::size_t point_count_ = 0;
-  std::vector<SE3<double>> poses_;
-  std::vector<std::uint8_t> fixed_;
-  std::vector<Eigen::Vector3d> points_;
-  std::vector<BundleObservation<double>> observations_;
-  std::vector<Sight> sights_;  // of observations_
-  std::vector<int> votes_;
+  BundleWindow<double> window_;
   BundleWorkspace<double> workspace_;
   std::future<BundleResult<double>> running_;  // last: its thread uses the members above
 };
+
+static_assert(!std::is_move_constructible_v<LocalBundle> && !std::is_move_assignable_v<LocalBundle>);
 
 }  // namespace dynslam::runtime

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/map/keyframe_map.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "random.hpp"
+
+using namespace dynslam;
+
+namespace {
+
+template <class S>
+Frame<S> frame_that_sees(const std::vector<int>& points, S x) {
+  Frame<S> f;
+  f.T_c_w = SE3<S>(SO3<S>(), Eigen::Matrix<S, 3, 1>(x, S(0), S(0)));
+  f.point = points;
+  f.features.resize(points.size());
+  f.descriptors.resize(points.size());
+  f.dynamic.resize(points.size());
+  return f;
+}
+
+/// Keyframes that see points at random; some points are bad, some merged, some keyframes culled.
+template <class S>
+KeyframeMap<S> random_map(test::Rng& rng) {
+  KeyframeMap<S> map;
+  for (int p = 0; p < 400; ++p) (void)map.add_point({});
+  for (int k = 0; k < 30; ++k) {
+    std::vector<int> seen;
+    for (int p = 10 * k; p < 10 * k + 100; ++p) {
+      if (rng.chance(0.7)) seen.push_back(rng.chance(0.1) ? -1 : p);
+    }
+    (void)map.add_keyframe(frame_that_sees<S>(seen, S(k)));
+  }
+  for (int i = 0; i < 20; ++i) {
+    const int gone = rng.integer(0, 399), kept = rng.integer(0, 399);
+    if (!map.point(gone).bad && !map.point(kept).bad) map.merge(gone, kept);
+  }
+  for (int i = 0; i < 20; ++i) map.point(rng.integer(0, 399)).bad = true;
+  for (int i = 0; i < 40; ++i) map.forget(rng.integer(0, 29), rng.integer(0, 40));
+  (void)map.cull_keyframes(20, 0.6, 3);
+  return map;
+}
+
+/// Live points that a keyframe shows.
+template <class S>
+std::set<int> shown(const KeyframeMap<S>& map, const std::vector<int>& ids) {
+  std::set<int> out;
+  for (const int p : ids) {
+    if (p >= 0 && !map.point(p).bad) out.insert(p);
+  }
+  return out;
+}
+
+template <class S>
+std::vector<std::pair<int, int>> shared_by_all(const KeyframeMap<S>& map, const std::vector<int>& ids) {
+  std::vector<std::pair<int, int>> out;
+  const std::set<int> mine = shown(map, ids);
+  for (const auto& k : map.keyframes()) {
+    const std::set<int> theirs = shown(map, k.frame.point);
+    const auto both =
+        static_cast<int>(std::count_if(mine.begin(), mine.end(), [&](int p) { return theirs.count(p) > 0; }));
+    out.emplace_back(both, k.id);
+  }
+  std::sort(out.rbegin(), out.rend());
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("the covisibility vote is the number of live points that two keyframes show", S, float,
+                   double) {
+  test::Rng rng("covisibility");
+  for (int trial = 0; trial < 5; ++trial) {
+    KeyframeMap<S> map = random_map<S>(rng);
+    CHECK(std::any_of(map.keyframes().begin(), map.keyframes().end(),
+                      [](const auto& k) { return k.culled(); }));
+    std::vector<std::pair<int, int>> found;
+    for (const auto& k : map.keyframes()) {
+      for (const int at_least : {1, 15, 40}) {
+        auto expected = shared_by_all(map, k.frame.point);
+        std::erase_if(expected, [&](const auto& e) { return e.first < at_least || e.second == k.id; });
+        map.covisible(k.id, at_least, found);
+        CHECK(found == expected);
+        map.covisible(k.id, at_least, found, 3);
+        expected.resize(std::min<std::size_t>(expected.size(), 3));
+        CHECK(found == expected);
+      }
+    }
+  }
+}
+
+TEST_CASE_TEMPLATE("local points are those of the keyframes that share most with a frame", S, float, double) {
+  test::Rng rng("local points");
+  KeyframeMap<S> map = random_map<S>(rng);
+  for (int trial = 0; trial < 20; ++trial) {
+    std::vector<int> seen;
+    for (int p = rng.integer(0, 300), last = p + 60; p < last; ++p) seen.push_back(map.present(p));
+    const auto frame = frame_that_sees<S>(seen, S(0));
+    auto near = shared_by_all(map, seen);
+    std::erase_if(near, [](const auto& n) { return n.first < 1; });
+    near.resize(std::min<std::size_t>(near.size(), 4));
+    std::set<int> expected = shown(map, map.keyframes().back().frame.point);
+    for (const auto& [shared, k] : near) expected.merge(shown(map, map.keyframe(k).frame.point));
+    std::vector<int> ids;
+    map.local_points(frame, 4, ids);
+    CHECK(ids.size() == expected.size());  // each once
+    CHECK(std::set<int>(ids.begin(), ids.end()) == expected);
+  }
+  KeyframeMap<S> none;
+  std::vector<int> ids{1, 2};
+  none.local_points({}, 3, ids);
+  CHECK(ids.empty());
+}
+
+TEST_CASE_TEMPLATE("merged points leave one, with the observers of both", S, float, double) {
+  KeyframeMap<S> map;
+  for (int k = 0; k < 4; ++k) (void)map.add_point({});
+  (void)map.add_keyframe(frame_that_sees<S>({0, 1}, 0));
+  (void)map.add_keyframe(frame_that_sees<S>({0, 2}, 1));
+  (void)map.add_keyframe(frame_that_sees<S>({3, -1}, 2));
+  map.merge(2, 1);
+  CHECK(map.keyframe(1).frame.point == std::vector<int>{0, 1});
+  CHECK(map.point(1).keyframes == std::vector<int>{0, 1});
+  CHECK(map.point(2).bad);
+  map.merge(1, 0);  // both keyframes see both: each shows it once
+  CHECK(map.keyframe(0).frame.point == std::vector<int>{0, -1});
+  CHECK(map.keyframe(1).frame.point == std::vector<int>{0, -1});
+  CHECK(map.present(2) == 0);
+  map.observe(2, 1, 0);
+  CHECK(map.point(0).keyframes == std::vector<int>{0, 1, 2});
+  map.merge(0, 0);
+  CHECK_FALSE(map.point(0).bad);
+}
+
+TEST_CASE_TEMPLATE("a keyframe that tells nothing new goes, and its pose follows its parent", S, float,
+                   double) {
+  KeyframeMap<S> map;
+  for (int k = 0; k < 20; ++k) (void)map.add_point({});
+  std::vector<int> all(20);
+  for (int k = 0; k < 20; ++k) all[static_cast<std::size_t>(k)] = k;
+  const std::vector<int> first(all.begin(), all.begin() + 10), second(all.begin() + 10, all.end());
+  (void)map.add_keyframe(frame_that_sees<S>(first, S(0.0)));
+  (void)map.add_keyframe(frame_that_sees<S>(first, S(0.1)));  // redundant
+  (void)map.add_keyframe(frame_that_sees<S>(all, S(0.2)));    // alone with two others in the second half
+  (void)map.add_keyframe(frame_that_sees<S>(first, S(0.3)));
+  (void)map.add_keyframe(frame_that_sees<S>(all, S(0.4)));
+  (void)map.add_keyframe(frame_that_sees<S>(second, S(0.5)));
+  CHECK(map.cull_keyframes(4, 0.9, 2) == std::vector<int>{1});
+  CHECK(map.keyframe(1).culled());
+  CHECK(map.keyframe(1).frame.features.empty());
+  CHECK(std::find(map.point(0).keyframes.begin(), map.point(0).keyframes.end(), 1) ==
+        map.point(0).keyframes.end());
+  CHECK(map.pose(1).translation().x() == doctest::Approx(0.1));
+  const int parent = map.keyframe(1).parent;
+  map.keyframe(parent).frame.T_c_w =
+      SE3<S>(SO3<S>(), Eigen::Matrix<S, 3, 1>(0, 1, 0)) * map.keyframe(parent).frame.T_c_w;
+  CHECK(map.pose(1).translation().x() == doctest::Approx(0.1));
+  CHECK(map.pose(1).translation().y() == doctest::Approx(1.0));
+  CHECK(map.cull_keyframes(4, 0.9, 2).empty());
+  std::vector<std::pair<int, int>> near;
+  map.covisible(4, 1, near);
+  CHECK(near.front() == std::pair(20, 2));
+  CHECK(std::none_of(near.begin(), near.end(), [](const auto& n) { return n.second == 1; }));
+}
+
+TEST_CASE_TEMPLATE("points that are seldom found, or found on movers, are culled", S, float, double) {
+  struct Patch {
+    int grey[4] = {};
+  };
+  KeyframeMap<S, Patch> map;
+  const auto add = [&](int visible, int found, int on_mover) {
+    MapPoint<S, Patch> p;
+    p.visible = visible;
+    p.found = found;
+    p.on_mover = on_mover;
+    return map.add_point(p);
+  };
+  const int young = add(11, 1, 0), lost = add(12, 2, 0), kept = add(12, 3, 0), mover = add(9, 5, 3),
+            doubted = add(9, 6, 3), passed = add(9, 3, 2);
+  map.cull();
+  for (const int id : {young, kept, doubted, passed}) CHECK_FALSE(map.point(id).bad);
+  for (const int id : {lost, mover}) CHECK(map.point(id).bad);
+  CHECK(map.present(lost) == -1);
+}
