@@ -57,6 +57,7 @@
 #include "dynslam/semantic/label_histogram.hpp"
 #include "dynslam/semantic/log_odds.hpp"
 #include "dynslam/semantic/map_query.hpp"
+#include "dynslam/semantic/map_scan.hpp"
 #include "dynslam/semantic/map_voxel.hpp"
 #include "dynslam/semantic/ray_traversal.hpp"
 #include "dynslam/semantic/scan_voxels.hpp"

@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include <chrono>
 #include <fstream>
 #include <memory>
 #include <sstream>
@@ -178,6 +179,45 @@ TEST_CASE("corrected poses: the map is what it would be had the keyframes come w
   CHECK_THROWS_AS(forgetful.repose({}), UsageError);
   forgetful.finish();
   CHECK(forgetful.retained_bytes() == 0);
+}
+
+TEST_CASE("keyframes that come while a corrected map is rebuilt do not wait for it") {
+  using Clock = std::chrono::steady_clock;
+  const auto seconds = [](Clock::time_point from) {
+    return std::chrono::duration<double>(Clock::now() - from).count();
+  };
+  constexpr int kCount = 120;
+  SemanticMapper mapper(kCamera, 160, 120, {}), direct(kCamera, 160, 120, {});
+  std::vector<std::pair<int, SE3<double>>> poses;
+  for (int i = 0; i < kCount; ++i) {
+    MapKeyframe k = keyframe(true, Label::chair, false);
+    k.id = i;
+    mapper.insert(k);
+    poses.emplace_back(i, moved(0.01 * i, 0.05 * i));
+    k.T_w_c = poses.back().second;
+    direct.insert(k);
+  }
+  direct.finish();
+  mapper.finish();
+  auto start = Clock::now();
+  mapper.repose(poses);
+  mapper.finish();
+  const double rebuilding = seconds(start);
+  start = Clock::now();
+  mapper.repose(poses);
+  for (int i = 0; i < 8; ++i) {
+    MapKeyframe k = keyframe(false, Label::background, false);
+    k.id = kCount + i;
+    mapper.insert(k);
+  }
+  mapper.repose(poses);  // a further correction does not wait, either
+  const double waited = seconds(start);
+  CAPTURE(rebuilding);
+  CHECK(waited < 0.5 * rebuilding);
+  mapper.finish();
+  for (int i = 0; i < 8; ++i) direct.insert(keyframe(false, Label::background, false));
+  direct.finish();
+  CHECK(bytes(mapper) == bytes(direct));
 }
 
 TEST_CASE("a saved map reads back with labels; two runs give the same bytes; bad paths are told") {

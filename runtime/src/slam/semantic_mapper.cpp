@@ -2,13 +2,16 @@
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 
 #include <cstdint>
+#include <iterator>
 #include <string_view>
 #include <unordered_map>
 #include <utility>
 
 #include "dynslam/interop/octomap.hpp"
+#include "dynslam/interop/opencv.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
+#include "dynslam/runtime/io/mask_reader.hpp"
 #include "io/binary_file.hpp"
 #include "slam/thread_priority.hpp"
 
@@ -17,6 +20,7 @@ namespace {
 
 constexpr std::string_view kMagic = "dynslam scans";
 constexpr std::uint32_t kVersion = 1;
+static_assert(static_cast<int>(Label::person) == MapScanOptions{}.mover_label);
 
 }  // namespace
 
@@ -53,53 +57,69 @@ void SemanticMapper::finish() {
   if (failure_) std::rethrow_exception(failure_);
 }
 
+bool SemanticMapper::next(const std::stop_token& stop, std::optional<Job>& job) {
+  job.reset();
+  std::unique_lock lock(mutex_);
+  // Scans that are not retained need not pile up: they are fused first.
+  if (behind() && (queue_.empty() || !options_.retain_scans)) return !stop.stop_requested();
+  busy_ = false;
+  changed_.notify_all();
+  if (!changed_.wait(lock, stop, [&] { return !queue_.empty(); })) return false;
+  job = std::move(queue_.front());
+  queue_.pop_front();
+  busy_ = true;
+  changed_.notify_all();
+  return true;
+}
+
 void SemanticMapper::work(const std::stop_token& stop) {
   step_back(StepBack::some);
-  for (;;) {
-    Job job;
-    {
-      std::unique_lock lock(mutex_);
-      if (!changed_.wait(lock, stop, [&] { return !queue_.empty(); })) return;
-      job = std::move(queue_.front());
-      queue_.pop_front();
-      busy_ = true;
-      changed_.notify_all();
+  try {
+    for (std::optional<Job> job; next(stop, job);) {
+      if (job) {
+        std::visit([this](auto& what) { run(what); }, *job);
+      } else {
+        fuse_next();
+      }
     }
-    std::exception_ptr failure;
-    try {
-      std::visit([this](auto& what) { run(what); }, job);
-    } catch (...) {
-      failure = std::current_exception();
-    }
+  } catch (...) {
     const std::lock_guard lock(mutex_);
     busy_ = false;
-    if (failure) failure_ = failure;
+    failure_ = std::current_exception();
     changed_.notify_all();
-    if (failure) return;
+  }
+}
+
+void SemanticMapper::fuse_next() {
+  const Retained& keyframe = scans_[fused_];
+  scanner_.gather(keyframe.scan, keyframe.T_w_c, voxels_);
+  tree_.integrate(voxels_);
+  ++fused_;
+  if (!behind() && !options_.retain_scans) {
+    scans_.clear();
+    fused_ = 0;
   }
 }
 
 void SemanticMapper::run(MapKeyframe& keyframe) {
-  MapScan scan = scanner_.pack(keyframe.depth, keyframe.dynamic_mask, keyframe.labels, keyframe.bgr);
-  fuse(scan, keyframe.T_w_c);
-  if (options_.retain_scans) retained_.push_back({keyframe.id, keyframe.T_w_c, std::move(scan)});
+  scans_.push_back(
+      {keyframe.id, keyframe.T_w_c,
+       scanner_.pack(interop::view<float>(keyframe.depth), interop::view<std::uint8_t>(keyframe.dynamic_mask),
+                     interop::view<std::uint8_t>(keyframe.labels), BgrView{keyframe.bgr})});
 }
 
 void SemanticMapper::run(Poses& poses) {
   std::unordered_map<int, SE3<double>> pose_of;
   for (const auto& [id, T_w_c] : poses) pose_of.insert_or_assign(id, T_w_c);
-  tree_.clear();
-  for (Retained& keyframe : retained_) {
+  for (Retained& keyframe : scans_) {
     if (const auto it = pose_of.find(keyframe.id); it != pose_of.end()) keyframe.T_w_c = it->second;
-    fuse(keyframe.scan, keyframe.T_w_c);
   }
+  tree_.clear();
+  fused_ = 0;
 }
 
 void SemanticMapper::run(Scans& scans) {
-  for (Retained& keyframe : scans) {
-    fuse(keyframe.scan, keyframe.T_w_c);
-    if (options_.retain_scans) retained_.push_back(std::move(keyframe));
-  }
+  scans_.insert(scans_.end(), std::make_move_iterator(scans.begin()), std::make_move_iterator(scans.end()));
 }
 
 std::vector<std::pair<int, SE3<double>>> SemanticMapper::load_scans(const std::filesystem::path& path) {
@@ -110,7 +130,7 @@ std::vector<std::pair<int, SE3<double>>> SemanticMapper::load_scans(const std::f
   for (std::size_t k = 0; k < n; ++k) {
     const int id = in.get<std::int32_t>();
     const auto T_w_c = in.get<SE3<double>>();
-    scans.push_back({id, T_w_c, MapScan::read(in, scanner_.samples())});
+    scans.push_back({id, T_w_c, read_scan(in, scanner_.samples())});
     poses.emplace_back(id, T_w_c);
   }
   in.finish();
@@ -120,18 +140,13 @@ std::vector<std::pair<int, SE3<double>>> SemanticMapper::load_scans(const std::f
 
 void SemanticMapper::save_scans(const std::filesystem::path& path) const {
   BinaryWriter out;
-  out.put(static_cast<std::uint64_t>(retained_.size()));
-  for (const Retained& keyframe : retained_) {
+  out.put(static_cast<std::uint64_t>(scans_.size()));
+  for (const Retained& keyframe : scans_) {
     out.put(static_cast<std::int32_t>(keyframe.id));
     out.put(keyframe.T_w_c);
-    keyframe.scan.write(out);
+    write_scan(out, keyframe.scan);
   }
   write_binary(path, kMagic, kVersion, out);
-}
-
-void SemanticMapper::fuse(const MapScan& scan, const SE3<double>& T_w_c) {
-  scanner_.gather(scan, T_w_c, voxels_);
-  tree_.integrate(voxels_);
 }
 
 void SemanticMapper::save(const std::filesystem::path& path) const {
@@ -140,7 +155,7 @@ void SemanticMapper::save(const std::filesystem::path& path) const {
 
 std::size_t SemanticMapper::retained_bytes() const {
   std::size_t sum = 0;
-  for (const Retained& keyframe : retained_) sum += keyframe.scan.bytes();
+  for (const Retained& keyframe : scans_) sum += keyframe.scan.bytes();
   return sum;
 }
 

@@ -17,6 +17,7 @@ namespace {
 
 constexpr int kMatchFar = 100;  // Hamming distance accepted where the geometry already limits the search
 constexpr std::size_t kInitialFeatures = 100;  // with depth, to start a map
+constexpr float kNowhere = -1e6F;              // ideal pixel of those for which the lens has no inverse
 
 double& time_of(StageTimes& times, Stage stage) {
   return times[static_cast<std::size_t>(stage)];
@@ -75,7 +76,7 @@ Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
       // Where the distortion has no inverse the pixel carries no geometry: it is put outside the image.
       undistort_lut_[static_cast<std::size_t>(v * camera_.width + u)] =
           ideal ? cv::Point2f(static_cast<float>(ideal->x()), static_cast<float>(ideal->y()))
-                : cv::Point2f(-1e6F, -1e6F);
+                : cv::Point2f(kNowhere, kNowhere);
     }
   }
 }
@@ -95,6 +96,8 @@ void Tracker::place(Feature& f, const Eigen::Vector2d& x, const cv::Mat& depth) 
   const cv::Point2f ideal = undistort_lut_[static_cast<std::size_t>(v * camera_.width + u)];
   f.x = ideal.x + (f.u - static_cast<float>(u));
   f.y = ideal.y + (f.v - static_cast<float>(v));
+  f.depth = 0;
+  if (ideal.x == kNowhere) return;  // without a ray a depth is no point
   const float z = depth.at<float>(v, u);
   f.depth = is_valid_depth(z) ? z : 0.0F;
   if (!depth_moved_ || f.depth == 0) return;

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <mutex>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <thread>
 #include <utility>
 #include <variant>
@@ -25,7 +26,7 @@ struct SemanticMapperOptions {
   double resolution = 0.05;  ///< metres
   MapScanOptions scan;
   LogOddsParams<float> occupancy;
-  std::size_t queue = 2;     ///< keyframes waiting; beyond, insert() blocks
+  std::size_t queue = 2;     ///< keyframes waiting with their images; beyond, insert() blocks
   bool retain_scans = true;  ///< keep what repose() needs, about 400 kB per keyframe
 };
 
@@ -44,13 +45,18 @@ struct MapKeyframe {
 /// Per keyframe each voxel is updated once, occupied before free; people (Label::person) and masked pixels
 /// are never occupied, but the way to them is free. The result depends on the keyframes, the poses and their
 /// order alone.
+///
+/// What is queued comes before what is to be fused again: while the tree is rebuilt after a correction, new
+/// keyframes are reduced to their scans, which wait at the end of the row, and a further correction starts
+/// the rebuilding over. So the caller waits for the fusion of one scan at most, not for that of a map.
 class SemanticMapper {
  public:
   SemanticMapper(const PinholeBrownConrady<double>& camera, int width, int height,
                  const SemanticMapperOptions& options);
 
   /// Queues a keyframe; the images are shared, not copied, and must not be changed afterwards.
-  /// Blocks while the queue is full. @throws what the thread met
+  /// Blocks while the queue is full; without retained scans until earlier ones are fused. @throws what the
+  /// thread met
   void insert(MapKeyframe keyframe);
   /// Queues a correction of keyframes' poses, as after a closed loop: the tree is built again from the scans
   /// queued so far, in their order, with these poses; keyframes that are not named keep theirs, unknown names
@@ -85,7 +91,11 @@ class SemanticMapper {
 
   void enqueue(Job job);
   void work(const std::stop_token& stop);
-  void fuse(const MapScan& scan, const SE3<double>& T_w_c);
+  /// The next thing to do: a job, or none while scans wait to be fused. @return false at the end
+  bool next(const std::stop_token& stop, std::optional<Job>& job);
+  /// Whether scans are still to be fused. Of the thread alone.
+  [[nodiscard]] bool behind() const { return fused_ < scans_.size(); }
+  void fuse_next();
   void run(MapKeyframe& keyframe);
   void run(Poses& poses);
   void run(Scans& scans);
@@ -94,7 +104,8 @@ class SemanticMapper {
   MapScanner scanner_;
   interop::SemanticOcTree tree_;
   ScanVoxels voxels_;
-  Scans retained_;
+  Scans scans_;            // in their order; those that are fused are kept where they are retained
+  std::size_t fused_ = 0;  // of them, in the tree
 
   std::mutex mutex_;
   std::condition_variable_any changed_;

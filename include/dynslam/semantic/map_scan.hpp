@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <type_traits>
+#include <vector>
+
+#include "dynslam/concepts/camera.hpp"
+#include "dynslam/concepts/image.hpp"
+#include "dynslam/config.hpp"
+#include "dynslam/geometry/ideal_pinhole.hpp"
+#include "dynslam/geometry/se3.hpp"
+#include "dynslam/image/depth.hpp"
+
+namespace dynslam {
+
+/// Which pixels of a keyframe become map, and how much they count.
+template <std::floating_point S = float>
+struct MapScanOptions {
+  int pixel_stride = 2;    ///< every so many pixels in both directions: voxels are coarser than pixels
+  double max_range = 4.0;  ///< metres along the optical axis; farther depth is too coarse to map
+  /// Between ray and surface normal [rad]; beyond, a pixel is grazing or at an edge.
+  double max_incidence = 78 * std::numbers::pi / 180;
+  int edge_reach = 2;     ///< pixels to the neighbours that this is measured with
+  S edge_sigmas = S(3);   ///< standard deviations by which their depth may differ beside that
+  S carve_sigmas = S(2);  ///< a ray stops so many standard deviations before the surface
+  S full_weight_edge =
+      S(4);             ///< standard deviations that a voxel's edge must span for a surface to count fully
+  int mover_label = 1;  ///< is never surface (people); -1: none
+  DepthNoise<S> noise;
+};
+
+/// Pixels with a colour, as (red, green, blue).
+template <class I>
+concept RgbImage = ImageLike<I> && std::convertible_to<typename I::Pixel, std::array<std::uint8_t, 3>>;
+
+/// A keyframe reduced to what a map needs, in the camera's frame, so that it can be inserted again after
+/// the pose was corrected. 3 bytes per sampled pixel and 3 more per pixel that becomes surface: about 400 kB
+/// for a VGA image at stride 2.
+/// @tparam Labels  that can be told apart, 0 (none) included; above 64 a sampled pixel takes a byte more
+template <int Labels = 64>
+struct MapScan {
+  using Code = std::conditional_t<(Labels <= 64), std::uint8_t, std::uint16_t>;
+  static_assert(Labels > 0 && Labels <= 16384);
+  static constexpr int kLabelBits = 8 * static_cast<int>(sizeof(Code)) - 2;
+  static constexpr float kUnitsPerMetre = 5000.0F;  ///< 0.2 mm, as the sensor's own files
+
+  /// What a sampled pixel says.
+  enum class Use : std::uint8_t {
+    nothing,  ///< no depth, or depth that cannot be trusted: at an edge or grazing
+    free,     ///< the way to it is free, it is no surface of the map: on a mover, or out of range
+    surface
+  };
+
+  std::vector<std::uint16_t> depth;  ///< of all sampled pixels [1 / kUnitsPerMetre]
+  std::vector<Code> code;            ///< Use in the upper two bits, label in the others
+  std::vector<std::uint8_t> rgb;     ///< of the surface pixels, in turn
+
+  [[nodiscard]] Use use(std::size_t k) const { return static_cast<Use>(code[k] >> kLabelBits); }
+  [[nodiscard]] int label(std::size_t k) const { return code[k] & ((1 << kLabelBits) - 1); }
+
+  [[nodiscard]] std::size_t bytes() const {
+    return depth.capacity() * sizeof(depth[0]) + code.capacity() * sizeof(Code) + rgb.capacity();
+  }
+
+  /// Whether the parts belong together, as after pack(); for scans that were read from somewhere.
+  [[nodiscard]] bool consistent() const {
+    if (depth.size() != code.size()) return false;
+    std::size_t surface = 0;
+    for (std::size_t k = 0; k < code.size(); ++k) {
+      if (use(k) > Use::surface) return false;
+      surface += use(k) == Use::surface ? 1 : 0;
+    }
+    return rgb.size() == 3 * surface;
+  }
+};
+
+/// Turns keyframes into scans and scans into voxels. The lens is undone per pixel, once.
+/// @tparam S  scalar of the rays
+template <std::floating_point S = float>
+class MapScanner {
+ public:
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+
+  /// @param camera         that of the images; pixels for which it has no ray are no part of a scan
+  /// @param width, height  of the images [px]
+  template <CameraModel Camera>
+    requires HasPinhole<Camera> || DifferentiableCamera<Camera> MapScanner(
+        const Camera& camera, int width, int height, const MapScanOptions<S>& options = {})
+        : options_(options), width_(width), height_(height) {
+      using T = typename Camera::ScalarType;
+      // On a surface seen at angle a depth changes by tan(a) times what one pixel spans, z / f.
+      const auto pinhole = ideal_pinhole(camera);
+      const T focal = T(0.5) * (pinhole.fx() + pinhole.fy());
+      max_slope_ = static_cast<S>(std::tan(options.max_incidence) / static_cast<double>(focal));
+      for (int v = options_.pixel_stride / 2; v < height; v += options_.pixel_stride) {
+        for (int u = options_.pixel_stride / 2; u < width; u += options_.pixel_stride) {
+          const std::optional<Eigen::Matrix<T, 3, 1>> ray =
+              camera.unproject(Eigen::Matrix<T, 2, 1>(T(u), T(v)), T(1));
+          if (!ray) continue;
+          rays_.push_back(ray->template cast<S>());
+          pixels_.push_back(v * width + u);
+        }
+      }
+    }
+
+    /// Pixels of a scan.
+    [[nodiscard]] std::size_t samples() const {
+      return pixels_.size();
+    }
+
+    /// Selects and packs the pixels of a keyframe. All images have the scanner's size.
+    /// @param depth         metres, NaN = invalid
+    /// @param dynamic_mask  nonzero is no surface of the map; may be 0 x 0
+    /// @param labels        may be 0 x 0; those that the scan cannot tell apart count as 0
+    /// @param colours       of the surfaces
+    template <int Labels = 64, DepthImage Depth, LabelImage Mask, LabelImage LabelsImage, RgbImage Colours>
+    [[nodiscard]] MapScan<Labels> pack(const Depth& depth, const Mask& dynamic_mask,
+                                       const LabelsImage& labels, const Colours& colours) const {
+      using Scan = MapScan<Labels>;
+      DYNSLAM_ASSERT(fits(depth) && fits(colours) && (empty(dynamic_mask) || fits(dynamic_mask)) &&
+                         (empty(labels) || fits(labels)),
+                     "all images have the size of the camera's");
+      constexpr S kMaxDepth = S(std::numeric_limits<std::uint16_t>::max());
+      constexpr S kUnits = S(Scan::kUnitsPerMetre);
+      const auto max_range = static_cast<S>(options_.max_range);
+      const bool masked = !empty(dynamic_mask), labelled = !empty(labels);
+      Scan scan;
+      scan.depth.resize(pixels_.size());
+      scan.code.resize(pixels_.size());
+      scan.rgb.reserve(3 * pixels_.size());
+      for (std::size_t k = 0; k < pixels_.size(); ++k) {
+        const int v = pixels_[k] / width_, u = pixels_[k] % width_;
+        const auto z = static_cast<S>(depth(u, v));
+        if (!is_valid_depth(z) || z * kUnits > kMaxDepth || !smooth(depth, u, v, z)) continue;
+        const int label = labelled ? static_cast<int>(labels(u, v)) : 0;
+        const bool mover = (masked && dynamic_mask(u, v) != 0) || label == options_.mover_label;
+        const bool surface = !mover && z <= max_range;
+        scan.depth[k] = static_cast<std::uint16_t>(z * kUnits + S(0.5));
+        const int use = static_cast<int>(surface ? Scan::Use::surface : Scan::Use::free);
+        scan.code[k] = static_cast<typename Scan::Code>(use << Scan::kLabelBits |
+                                                        (label >= 0 && label < Labels ? label : 0));
+        if (!surface) continue;
+        const std::array<std::uint8_t, 3> rgb = colours(u, v);
+        scan.rgb.insert(scan.rgb.end(), rgb.begin(), rgb.end());
+      }
+      scan.rgb.shrink_to_fit();
+      return scan;
+    }
+
+    /// The voxels that a scan hits and passes. Rays end some standard deviations before the surface, those
+    /// towards movers too; far surfaces count less. `out` is cleared and finished.
+    /// @param out  ScanVoxels, or what offers the same to write
+    template <int Labels, std::floating_point T, class Voxels>
+    void gather(const MapScan<Labels>& scan, const SE3<T>& T_w_c, Voxels& out) const {
+      using Scan = MapScan<Labels>;
+      DYNSLAM_ASSERT(scan.depth.size() == samples(), "the scan is of another camera");
+      out.clear();
+      const Eigen::Matrix<S, 3, 3> R = T_w_c.rotation_matrix().template cast<S>();
+      const Vector3 t = T_w_c.translation().template cast<S>();
+      const auto edge = static_cast<S>(out.grid().resolution());
+      const auto max_range = static_cast<S>(options_.max_range);
+      std::size_t colour = 0;
+      for (std::size_t k = 0; k < scan.depth.size(); ++k) {
+        const auto use = scan.use(k);
+        if (use == Scan::Use::nothing) continue;
+        const S z = static_cast<S>(scan.depth[k]) / S(Scan::kUnitsPerMetre);
+        const S sigma = options_.noise.sigma(z);
+        const Vector3 ray = R * rays_[k];
+        S clear = z - options_.carve_sigmas * sigma;
+        if (use == Scan::Use::surface) {
+          const std::array<std::uint8_t, 3> rgb{scan.rgb[colour], scan.rgb[colour + 1], scan.rgb[colour + 2]};
+          colour += 3;
+          // A surface that noise spreads over several voxels is seen in each of them less often.
+          const S weight = std::min(S(1), edge / (options_.full_weight_edge * sigma));
+          const Vector3 p = t + ray * z;
+          if (!out.add_end(p, static_cast<LabelOf<Labels>>(scan.label(k)), rgb, static_cast<float>(weight)))
+            continue;  // one ray per voxel clears the way
+        } else {
+          clear = std::min(clear - edge,
+                           max_range);  // a mover's outline is not exact: a voxel's distance from it
+        }
+        if (clear <= S(0)) continue;
+        const Vector3 end = t + ray * clear;
+        if (use == Scan::Use::surface) {
+          out.carve(t, end);
+        } else {
+          out.carve_once(t, end);
+        }
+      }
+      out.finish();
+    }
+
+   private:
+    template <int Labels>
+    using LabelOf = std::conditional_t<(Labels <= 256), std::uint8_t, std::uint16_t>;
+
+    template <ImageLike I>
+    [[nodiscard]] static bool empty(const I& image) {
+      return image.width() == 0 || image.height() == 0;
+    }
+    template <ImageLike I>
+    [[nodiscard]] bool fits(const I& image) const {
+      return image.width() == width_ && image.height() == height_;
+    }
+
+    /// Whether the depth around a pixel is that of a surface which is seen well.
+    template <DepthImage Depth>
+    [[nodiscard]] bool smooth(const Depth& depth, int u, int v, S z) const {
+      const int reach = options_.edge_reach;
+      const S limit = static_cast<S>(reach) * max_slope_ * z + options_.edge_sigmas * options_.noise.sigma(z);
+      const auto near = [&](int x, int y) {
+        if (x < 0 || y < 0 || x >= width_ || y >= height_) return true;
+        const auto other = static_cast<S>(depth(x, y));
+        return !is_valid_depth(other) || std::abs(other - z) <= limit;
+      };
+      return near(u - reach, v) && near(u + reach, v) && near(u, v - reach) && near(u, v + reach);
+    }
+
+    MapScanOptions<S> options_;
+    int width_, height_;
+    S max_slope_;                // of depth per pixel and metre of depth, at max_incidence
+    std::vector<Vector3> rays_;  // per sampled pixel, z = 1
+    std::vector<int> pixels_;    // its index in the image
+};
+
+}  // namespace dynslam
