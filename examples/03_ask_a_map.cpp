@@ -67,27 +67,28 @@ int main() {
     map.integrate(scan);
   }
 
-  const auto ahead = dynslam::cast_ray(map, {0.4, 0.5, 0.2}, {0, 0, 1}, 5.0);
-  if (!ahead) return 1;
-  std::printf("ahead of the robot: label %d at %.2f m, confidence %.2f\n", ahead->cell.voxel.label,
-              ahead->distance, static_cast<double>(ahead->cell.voxel.confidence));
+  const auto ahead = dynslam::cast_ray(map, {0.4, 0.5, 0.2}, {0, 0, 1}, {.max_range = 5.0});
+  if (ahead.status != dynslam::RayStatus::hit) return 1;
+  std::printf("ahead of the robot: label %d at %.2f m, confidence %.2f\n", ahead.cell.voxel.label,
+              ahead.distance, static_cast<double>(ahead.cell.voxel.confidence));
 
   // Unknown space counts as an obstacle here: a careful planner drives where it has seen.
-  const auto left = dynslam::cast_ray(map, {-0.4, 0.5, 1.0}, {0, 0, 1}, 2.5, true);
-  if (left) {
-    std::printf("the way on the left ends after %.2f m: %s\n", left->distance,
-                left->unknown ? "unknown" : "occupied");
+  const auto left =
+      dynslam::cast_ray(map, {-0.4, 0.5, 1.0}, {0, 0, 1}, {.max_range = 2.5, .stop_at_unknown = true});
+  if (left.blocked()) {
+    std::printf("the way on the left ends after %.2f m: %s\n", left.distance,
+                left.status == dynslam::RayStatus::unknown ? "unknown" : "occupied");
   } else {
     std::printf("the way on the left is free\n");
   }
 
   const auto nearest = dynslam::nearest_obstacle(map, {0.3, 0.4, 2.0}, 1.0);
-  if (!nearest) return 1;
-  std::printf("nearest obstacle: label %d, %.2f m\n", nearest->voxel.label, nearest->distance);
+  if (!nearest.found()) return 1;
+  std::printf("nearest obstacle: label %d, %.2f m\n", nearest.cell.voxel.label, nearest.cell.distance);
 
   for (const int level : {0, 2, 3}) {
     int cells = 0, chairs = 0;
-    dynslam::query_box(map, {-1.2, -1, 0}, {1.2, 1.2, 4.2}, level, [&](const dynslam::MapCell& cell) {
+    dynslam::query_box(map, {-1.2, -1, 0}, {1.2, 1.2, 4.2}, level, [&](const auto& cell) {
       ++cells;
       chairs += cell.voxel.label == kChair ? 1 : 0;
     });
@@ -98,8 +99,8 @@ int main() {
   const auto person = dynslam::query_point(map, {-0.2, 0.2, 1.51});
   std::printf("where the person stood: %s\n", person.state == dynslam::Occupancy::free ? "free" : "not free");
 
-  const bool right = ahead->cell.voxel.label == kChair && std::abs(ahead->distance - 2.3) < 0.06 && !left &&
-                     nearest->voxel.label == kChair && std::abs(nearest->distance - 0.5) < 0.06 &&
-                     person.state == dynslam::Occupancy::free;
+  const bool right = ahead.cell.voxel.label == kChair && std::abs(ahead.distance - 2.3) < 0.06 &&
+                     !left.blocked() && nearest.cell.voxel.label == kChair &&
+                     std::abs(nearest.cell.distance - 0.5) < 0.06 && person.state == dynslam::Occupancy::free;
   return right ? 0 : 1;
 }

@@ -54,6 +54,7 @@
 #include "dynslam/segment/growing_criteria.hpp"
 #include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/region_growing.hpp"
+#include "dynslam/semantic/cell_tree.hpp"
 #include "dynslam/semantic/label_histogram.hpp"
 #include "dynslam/semantic/log_odds.hpp"
 #include "dynslam/semantic/map_query.hpp"

@@ -190,18 +190,21 @@ int MapCommand::Options::run_query() const {
   } else if (!ray.empty()) {
     const Eigen::Vector3d direction = point(ray, 3);
     if (!(direction.norm() > 0)) throw rt::UsageError("--ray: the direction is zero");
-    const auto hit = cast_ray(*tree, point(ray), direction, range, unknown_blocks, level);
-    if (hit) {
-      answer = to_json(hit->cell);
-      answer["distance_m"] = hit->distance;
+    const auto hit = cast_ray(*tree, point(ray), direction,
+                              {.max_range = range, .stop_at_unknown = unknown_blocks, .level = level});
+    if (!hit.ok()) throw rt::UsageError("--ray: does not begin in the map's grid");
+    if (hit.blocked()) {
+      answer = to_json(hit.cell);
+      answer["distance_m"] = hit.distance;
     } else {
       answer = {{"state", "free"}, {"distance_m", range}};
     }
   } else if (!nearest.empty()) {
     const auto found = nearest_obstacle(*tree, point(nearest), range, level);
-    if (found) {
-      answer = to_json(*found);
-      answer["distance_m"] = found->distance;
+    if (!found.ok()) throw rt::UsageError("--nearest: is no point");
+    if (found.found()) {
+      answer = to_json(found.cell);
+      answer["distance_m"] = found.cell.distance;
     } else {
       answer = {{"state", "none"}, {"distance_m", range}};
     }
@@ -209,7 +212,7 @@ int MapCommand::Options::run_query() const {
     const Eigen::Vector3d a = point(box), b = point(box, 3);
     std::map<std::string, std::size_t> cells;
     std::size_t total = 0;
-    query_box(*tree, a.cwiseMin(b), a.cwiseMax(b), level, [&](const MapCell& c) {
+    query_box(*tree, a.cwiseMin(b), a.cwiseMax(b), level, [&](const auto& c) {
       ++cells[rt::class_name(c.voxel.label)];
       ++total;
     });

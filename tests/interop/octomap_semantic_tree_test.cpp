@@ -183,12 +183,16 @@ TEST_CASE("the octree answers as the block map does, at every level") {
     const Eigen::Vector3d p(rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-1, 1));
     const Eigen::Vector3d d(rng.normal(), rng.normal(), rng.normal());
     for (const int level : {0, 2}) {
-      const auto a = cast_ray(tree, p, d, 3, false, level), b = cast_ray(blocks, p, d, 3, false, level);
-      REQUIRE(a.has_value() == b.has_value());
-      if (a) CHECK(a->cell.centre == b->cell.centre);
+      const auto a = cast_ray(tree, p, d, {.max_range = 3, .level = level}),
+                 b = cast_ray(blocks, p, d, {.max_range = 3, .level = level});
+      REQUIRE(a.ok());
+      CHECK(a.status == b.status);
+      CHECK(a.cell.centre == b.cell.centre);
+      CHECK(a.unknown_cells == b.unknown_cells);
       const auto m = nearest_obstacle(tree, p, 1.5, level), n = nearest_obstacle(blocks, p, 1.5, level);
-      REQUIRE(m.has_value() == n.has_value());
-      if (m) CHECK(m->centre == n->centre);
+      REQUIRE(m.ok());
+      CHECK(m.status == n.status);
+      CHECK(m.cell.centre == n.cell.centre);
     }
   }
 }
@@ -202,9 +206,9 @@ TEST_CASE("OctoMap's own queries and updates work, and carry labels to the paren
   REQUIRE(node != nullptr);
   CHECK(tree.isNodeOccupied(node));
   CHECK(node->label() == 2);
-  const auto hit = cast_ray(tree, {0, 0, 0}, {0, 0, 1}, 3.0);
-  REQUIRE(hit);
-  CHECK((hit->cell.centre - Eigen::Vector3f(end.x(), end.y(), end.z()).cast<double>()).norm() < 1e-4);
+  const auto hit = cast_ray(tree, {0, 0, 0}, {0, 0, 1}, {.max_range = 3.0});
+  REQUIRE(hit.status == RayStatus::hit);
+  CHECK((hit.cell.centre - Eigen::Vector3f(end.x(), end.y(), end.z()).cast<double>()).norm() < 1e-4);
   CHECK(tree.search(end, 14)->labelled());
   // Misses by OctoMap's updateNode: a voxel that becomes free forgets its label.
   for (int k = 0; k < 30; ++k) tree.updateNode(end, false);
@@ -293,4 +297,62 @@ TEST_CASE("data cut short or changed never crash the reader nor leave half a tre
     CHECK((tree.size() == 0) == in.fail());
   }
   CHECK(refused > 500);
+}
+
+TEST_CASE("labels of 8 and above have their place in a tree, and survive its file") {
+  // COCO has 80 classes: chair 56, tv 62.
+  using Tree = interop::BasicSemanticOcTree<80>;
+  Tree tree(0.1);
+  BasicScanVoxels<80> scan(tree.grid());
+  for (int k = 0; k < 3; ++k) {
+    scan.clear();
+    scan.add_end(Eigen::Vector3f(1.05F, 0.05F, 0.05F), 56, {10, 20, 30});
+    scan.add_end(Eigen::Vector3f(2.05F, 0.05F, 0.05F), 62, {40, 50, 60});
+    scan.add_end(Eigen::Vector3f(2.05F, 0.05F, 0.05F), 79, {40, 50, 60});
+    scan.add_end(Eigen::Vector3f(2.05F, 0.05F, 0.05F), 62, {40, 50, 60});
+    scan.carve(Eigen::Vector3f(0.05F, 0.05F, 0.05F), Eigen::Vector3f(2.05F, 0.05F, 0.05F));
+    scan.finish();
+    tree.integrate(scan);
+  }
+  CHECK(tree.getTreeType() == "SemanticOcTree80");
+  CHECK(SemanticOcTree(0.1).getTreeType() == "SemanticOcTree");
+  CHECK(query_point(tree, {1.05, 0.05, 0.05}).label == 56);
+  CHECK(query_point(tree, {2.05, 0.05, 0.05}).label == 62);
+  CHECK(tree.search(2.05, 0.05, 0.05)->labels().votes(79) > 0);
+  std::stringstream file;
+  REQUIRE(tree.write(file));
+  const std::unique_ptr<octomap::AbstractOcTree> read(octomap::AbstractOcTree::read(file));
+  const auto* same = dynamic_cast<const Tree*>(read.get());
+  REQUIRE(same != nullptr);
+  CHECK(*same == tree);
+  CHECK(query_point(*same, {1.05, 0.05, 0.05}).label == 56);
+  CHECK(cast_ray(*same, {0.05, 0.05, 0.05}, {1, 0, 0}, {.max_range = 5}).cell.voxel.label == 56);
+}
+
+TEST_CASE("few labels take few bytes; data of impossible labels are refused") {
+  interop::BasicSemanticOcTree<4> tree(0.1);
+  BasicScanVoxels<4> scan(tree.grid());
+  scan.add_end(Eigen::Vector3f(0.05F, 0.05F, 0.05F), 3, {1, 2, 3});
+  scan.add_end(Eigen::Vector3f(0.05F, 0.05F, 0.05F), 4, {1, 2, 3});  // no such label
+  scan.finish();
+  tree.integrate(scan);
+  const auto* node = tree.search(0.05, 0.05, 0.05);
+  CHECK(node->label() == 3);
+  std::ostringstream out;
+  node->writeData(out);
+  std::string good = out.str();
+  CHECK(good.size() == 4 + 1 + 1 + 3 + 1);
+  interop::BasicSemanticOcTreeNode<4> back;
+  std::istringstream in(good);
+  CHECK(back.readData(in).good());
+  CHECK(back == *node);
+  good[4] = 1 << 4;
+  std::istringstream bad(good);
+  CHECK(back.readData(bad).fail());
+  // Of many labels: an order that cannot be, a label that is none.
+  interop::BasicSemanticOcTreeNode<80> many;
+  for (const char* labels : {"\x01\x50\x03", "\x02\x05\x03\x05\x03", "\x01\x05\x00"}) {
+    std::istringstream wrong(std::string(4, '\0') + std::string(labels, 3) + std::string(6, '\1'));
+    CHECK(many.readData(wrong).fail());
+  }
 }

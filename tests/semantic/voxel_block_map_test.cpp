@@ -3,9 +3,11 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
-#include <optional>
+#include <type_traits>
 #include <vector>
 
 #include "dynslam/semantic/map_query.hpp"
@@ -14,6 +16,9 @@
 using namespace dynslam;
 
 namespace {
+
+template <std::size_t N>
+using Labels = std::integral_constant<std::size_t, N>;
 
 /// A few scans of random points around the origin, labels by octant.
 std::vector<ScanVoxels> random_scans(const VoxelGrid& grid, test::Rng& rng, int count) {
@@ -94,62 +99,70 @@ TEST_CASE("coarse cells are occupied where a part is, with the parts' label; unk
   CHECK(query_point(map, {std::nan(""), 0, 0}).state == Occupancy::unknown);
 }
 
-TEST_CASE("box, ray and nearest obstacle agree with a search through everything") {
+TEST_CASE_TEMPLATE("the labels of COCO have their place in a map", N, Labels<4>, Labels<8>, Labels<80>) {
+  constexpr std::size_t n = N::value;
   const VoxelGrid grid(0.1);
-  test::Rng rng("map query");
-  VoxelBlockMap<float> map(grid);
-  for (const ScanVoxels& scan : random_scans(grid, rng, 4)) map.integrate(scan);
-  std::vector<MapCell> all;
-  query_box(map, {-3, -3, -3}, {3, 3, 3}, 0, [&](const MapCell& cell) { all.push_back(cell); });
-  REQUIRE(all.size() > 100);
-  for (int k = 0; k < 50; ++k) {
-    const Eigen::Vector3d p(rng.uniform(-2, 2), rng.uniform(-2, 2), rng.uniform(-2, 2));
-    const double radius = rng.uniform(0.1, 1.5);
-    double best = radius;
-    bool any = false;
-    for (const MapCell& cell : all) {
-      const double d = distance_to_cell(p, cell.centre, cell.edge);
-      if (d <= best) {
-        best = d;
-        any = true;
+  BasicScanVoxels<n> scan(grid);
+  std::vector<Eigen::Vector3f> places;
+  for (std::size_t l = 0; l < n; ++l) {
+    places.emplace_back(0.05F + 0.1F * static_cast<float>(l), 0.05F, 0.05F);
+    scan.add_end(places.back(), static_cast<std::uint8_t>(l), {});
+    scan.add_end(places.back(), 255, {});  // no such label: a sample without a vote
+  }
+  scan.finish();
+  VoxelBlockMap<float, n> map(grid);
+  map.integrate(scan);
+  for (std::size_t l = 0; l < n; ++l) {
+    CHECK(query_point(map, places[l]).label == l);
+    CHECK(query_point(map, places[l]).confidence == 1.0F);
+  }
+  // A chair of 15 voxels beside a screen of one: a coarse cell is a chair.
+  scan.clear();
+  for (int k = 0; k < 16; ++k)
+    scan.add_end(Eigen::Vector3f(4.05F + 0.1F * static_cast<float>(k % 4), 0.05F,
+                                 0.05F + 0.1F * static_cast<float>(k / 4)),
+                 static_cast<std::uint8_t>(k == 0 ? 2 : n - 1), {});
+  scan.finish();
+  VoxelBlockMap<double, n> other(grid);
+  other.integrate(scan);
+  for (const int level : {2, 3, 5, 9, 15})
+    CHECK(query_point(other, {4.05, 0.05, 0.05}, level).label == n - 1);
+}
+
+TEST_CASE_TEMPLATE("coarse cells equal a look at each of their voxels, after every scan", S, float, double) {
+  const VoxelGrid grid(0.1);
+  test::Rng rng("coarse cells");
+  VoxelBlockMap<S> map(grid);
+  for (const ScanVoxels& scan : random_scans(grid, rng, 12)) {  // voxels sink, rise and lose their labels
+    map.integrate(scan);
+    for (int k = 0; k < 40; ++k) {
+      const VoxelKey key =
+          *grid.key(Eigen::Vector3d(rng.uniform(-1.6, 1.6), rng.uniform(-1.6, 1.6), rng.uniform(-1.6, 1.6)));
+      for (const int level : {1, 2, 3, 4, 5, 6}) {
+        MapVoxel expected;
+        std::array<int, 2> votes{};  // of the labels 2 and 3; one of eight votes each scan
+        const VoxelKey low = key_at_level(key, level);
+        for (int z = 0; z < 1 << level; ++z) {
+          for (int y = 0; y < 1 << level; ++y) {
+            for (int x = 0; x < 1 << level; ++x) {
+              const MapVoxel v =
+                  map.at({{static_cast<std::uint16_t>(low[0] + x), static_cast<std::uint16_t>(low[1] + y),
+                           static_cast<std::uint16_t>(low[2] + z)}});
+              if (v.state == Occupancy::unknown) continue;
+              expected.log_odds =
+                  expected.state == Occupancy::unknown ? v.log_odds : std::max(expected.log_odds, v.log_odds);
+              if (expected.state != Occupancy::occupied) expected.state = v.state;
+              if (v.state == Occupancy::occupied) ++votes[v.label == 3 ? 1 : 0];
+            }
+          }
+        }
+        const MapVoxel coarse = map.at(key, level);
+        CHECK(coarse.state == expected.state);
+        CHECK(coarse.log_odds == expected.log_odds);
+        if (coarse.state == Occupancy::occupied && (votes[0] == 0 || votes[1] == 0))
+          CHECK(coarse.label == (votes[0] == 0 ? 3 : 2));
       }
     }
-    const auto nearest = nearest_obstacle(map, p, radius);
-    REQUIRE(nearest.has_value() == any);
-    if (any) CHECK(nearest->distance == doctest::Approx(best).epsilon(1e-9));
-
-    std::size_t inside = 0, found = 0;
-    const Eigen::Vector3d low = p - Eigen::Vector3d::Constant(0.42),
-                          high = p + Eigen::Vector3d::Constant(0.27);
-    for (const MapCell& cell : all) {
-      const bool touches =
-          ((cell.centre.array() + 0.05 > low.array()) && (cell.centre.array() - 0.05 <= high.array())).all();
-      inside += touches ? 1 : 0;
-    }
-    query_box(map, low, high, 0, [&](const MapCell&) { ++found; });
-    CHECK(found == inside);
-
-    // A ray: march in small steps.
-    const Eigen::Vector3d direction = Eigen::Vector3d(rng.normal(), rng.normal(), rng.normal()).normalized();
-    const Eigen::Vector3d origin(0.013, 0.017, 0.011);
-    std::optional<double> marched;
-    for (double t = 0; t < 3 && !marched; t += 1e-4) {
-      if (query_point(map, origin + t * direction).state == Occupancy::occupied) marched = t;
-    }
-    const auto hit = cast_ray(map, origin, 2.5 * direction, 3.0);
-    REQUIRE(hit.has_value() == marched.has_value());
-    if (hit) {
-      CHECK(hit->distance == doctest::Approx(*marched).epsilon(1e-3));
-      CHECK((hit->cell.voxel.label == 2 || hit->cell.voxel.label == 3));
-    }
   }
-  CHECK_FALSE(cast_ray(map, {0, 0, 0}, {0, 0, 0}, 3.0));
-  const auto far = cast_ray(map, {0, 0, 0}, {0, 0, 1}, 1e12);  // far beyond the grid
-  const auto near = cast_ray(map, {0, 0, 0}, {0, 0, 1}, 3.0);
-  CHECK(far.has_value() == near.has_value());
-  const auto blind = cast_ray(map, {2.5, 2.5, 2.5}, {1, 0, 0}, 1.0, true);
-  REQUIRE(blind);
-  CHECK(blind->unknown);
-  CHECK(blind->distance < 1e-12);
-  CHECK_FALSE(cast_ray(map, {2.5, 2.5, 2.5}, {1, 0, 0}, 1.0));
+  CHECK(map.at(VoxelKey{}, 16).state == Occupancy::occupied);  // the whole world
 }

@@ -4,11 +4,17 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <type_traits>
 #include <vector>
 
 #include "random.hpp"
 
 using namespace dynslam;
+
+namespace {
+template <std::size_t N>
+using Labels = std::integral_constant<std::size_t, N>;
+}  // namespace
 
 TEST_CASE_TEMPLATE("log-odds and probability invert each other and never become NaN (Eqs 10, 11)", S, float,
                    double) {
@@ -87,6 +93,29 @@ TEST_CASE("labels are votes: bounded, mergeable, ties to the smaller label") {
   sum.merge(other);
   CHECK(sum.top() == 3);
   CHECK(sum.votes(3) == 200);
+}
+
+TEST_CASE("votes saturate instead of wrapping around") {
+  LabelHistogram<4> h;
+  h.add(1, 255);
+  h.add(1, 200);  // was 71
+  CHECK(h.votes(1) == 255);
+  h.add(2, 1000);
+  CHECK(h.votes(2) == 255);
+  CHECK(h.top() == 1);
+  h.add(2, 0);
+  CHECK(h.votes(2) == 255);
+}
+
+TEST_CASE_TEMPLATE("the number of labels is a parameter; none of them vanishes", N, Labels<4>, Labels<8>,
+                   Labels<80>, Labels<256>) {
+  for (std::size_t l = 0; l < N::value; ++l) {
+    LabelHistogram<N::value> h;
+    h.add(static_cast<std::uint8_t>(l), 3);
+    CHECK(h.top() == l);
+    CHECK(h.total() == 3);
+  }
+  CHECK(sizeof(LabelHistogram<N::value>) == N::value);
 }
 
 TEST_CASE("a voxel joins occupancy and label") {

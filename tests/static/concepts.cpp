@@ -58,6 +58,13 @@ static_assert(MutableImage<ImageView<float>>);
 static_assert(!MutableImage<ImageView<const float>>);
 static_assert(std::is_convertible_v<ImageView<float>, ImageView<const float>>);
 static_assert(!std::is_convertible_v<ImageView<const float>, ImageView<float>>);
+// Any regular steps, e.g. Eigen's of either storage order by view().
+static_assert(MutableImage<dynslam::StridedView<float>> && !dynslam::RowImage<dynslam::StridedView<float>>);
+static_assert(
+    std::same_as<decltype(dynslam::view(std::declval<Eigen::MatrixXf&>())), dynslam::StridedView<float>>);
+// What functions write: an image by reference, a view by value; no constant, no temporary.
+static_assert(dynslam::OutputLabelImage<Image<std::uint8_t>&> && dynslam::OutputLabelImage<ImageView<int>>);
+static_assert(!dynslam::OutputImage<const Image<float>&> && !dynslam::OutputImage<ImageView<const float>>);
 // Indexed by row first: these would be read transposed.
 static_assert(!ImageLike<Eigen::MatrixXf>);
 static_assert(!ImageLike<Eigen::ArrayXXd>);
@@ -75,6 +82,17 @@ static_assert(DifferentiableCamera<dynslam::PinholeBrownConrady<float>>);
 static_assert(DifferentiableCamera<dynslam::PinholeBrownConrady<Eigen::AutoDiffScalar<Eigen::Vector3d>>>);
 static_assert(!CameraModel<Eigen::Matrix3d>);
 static_assert(!CameraModel<dynslam::SE3<double>>);
+
+// Growing asks by depths or by pixels.
+static_assert(dynslam::GrowingCriterion<dynslam::RelativeStep<float>, float>);
+static_assert(dynslam::SiteCriterion<dynslam::SameLabelStep<Image<int>, dynslam::FixedStep<double>>, double>);
+static_assert(!dynslam::GrowingCriterion<dynslam::FixedStep<float>, Image<float>> &&
+              !dynslam::GrowingCriterion<int, float>);
+
+// Voxels: what queries ask, and what takes scans too, of any number of labels.
+static_assert(dynslam::VoxelStore<dynslam::VoxelBlockMap<float>> &&
+              dynslam::VoxelStore<dynslam::VoxelBlockMap<double, 80>>);
+static_assert(!dynslam::VoxelMap<dynslam::VoxelGrid> && !dynslam::VoxelMap<int>);
 
 // Robust kernels: rho and weight of the squared normalised residual.
 static_assert(RobustKernel<dynslam::Huber<double>, double>);

@@ -3,11 +3,17 @@
 
 #include <algorithm>
 #include <array>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 
+#include "dynslam/config.hpp"
+
 namespace dynslam {
+
+/// Labels that the voxels of a map tell apart, unless the map is told another number of them.
+inline constexpr std::size_t kMapLabels = 8;
 
 /// Votes for `N` labels, bounded: when one count is full all are halved, so old votes fade.
 ///
@@ -15,8 +21,11 @@ namespace dynslam {
 /// fell into it. A label's share of the votes is the estimate of its probability, i.e. the mean of a
 /// Dirichlet posterior without prior whose evidence is forgotten by half every 255 votes for the leading
 /// label.
+/// @tparam N  number of labels, at most 256
 template <std::size_t N>
 class LabelHistogram {
+  static_assert(N > 0 && N <= 256, "labels are bytes");
+
  public:
   using Label = std::uint8_t;
   static constexpr std::size_t kLabels = N;
@@ -26,13 +35,15 @@ class LabelHistogram {
   /// From stored votes.
   explicit LabelHistogram(const std::array<std::uint8_t, N>& votes) : votes_(votes) {}
 
-  /// Adds votes; labels from N on are ignored. @param n  0 to 127
+  /// Adds votes; labels from N on are ignored. @param n  at least 0; what does not fit is lost
   void add(Label label, int n = 1) {
+    DYNSLAM_ASSERT(n >= 0, "votes are not taken back");
     if (label >= N) return;
+    n = std::min(n, kMaxVotes);
     if (votes_[label] + n > kMaxVotes) {
       for (auto& v : votes_) v = static_cast<std::uint8_t>(v / 2);
     }
-    votes_[label] = static_cast<std::uint8_t>(votes_[label] + n);
+    votes_[label] = static_cast<std::uint8_t>(std::min(votes_[label] + n, kMaxVotes));
   }
   /// Adds another voxel's votes, scaled down together to fit.
   void merge(const LabelHistogram& other) {
@@ -47,9 +58,10 @@ class LabelHistogram {
   }
   /// From sums of votes (children into their parent): divided by `divisor`, or by more so that the largest
   /// fits, and rounded up, so that no vote vanishes. The top label is that of the sums.
-  [[nodiscard]] static LabelHistogram from_sums(const std::array<int, N>& sums, int divisor = 1) {
+  template <std::signed_integral I>
+  [[nodiscard]] static LabelHistogram from_sums(const std::array<I, N>& sums, I divisor = 1) {
     const auto top = static_cast<std::size_t>(std::max_element(sums.begin(), sums.end()) - sums.begin());
-    divisor = std::max(divisor, (sums[top] + kMaxVotes - 1) / kMaxVotes);
+    divisor = std::max(divisor, static_cast<I>((sums[top] + kMaxVotes - 1) / kMaxVotes));
     LabelHistogram out;
     for (std::size_t i = 0; i < N; ++i)
       out.votes_[i] = static_cast<std::uint8_t>((sums[i] + divisor - 1) / divisor);
@@ -81,5 +93,7 @@ class LabelHistogram {
  private:
   std::array<std::uint8_t, N> votes_{};
 };
+
+using MapLabels = LabelHistogram<kMapLabels>;
 
 }  // namespace dynslam

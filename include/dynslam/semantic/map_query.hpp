@@ -3,137 +3,299 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <concepts>
 #include <cstdint>
 #include <limits>
-#include <optional>
 
 #include "dynslam/concepts/map.hpp"
+#include "dynslam/concepts/scalar.hpp"
+#include "dynslam/semantic/log_odds.hpp"
 #include "dynslam/semantic/map_voxel.hpp"
 #include "dynslam/semantic/ray_traversal.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
 
-// Questions of a planner, for any VoxelStore. Points and lengths in metres, in the map's frame; `level` n
-// asks about cells of 2^n voxels along each edge.
+// Questions of a planner, for any VoxelMap. Points and lengths in metres, in the map's frame; points of float
+// or double, answers in double. `level` n, 0 to 15, asks about cells of 2^n voxels along each edge. An answer
+// from NaN, or from outside the grid, says so: it is never "free".
 
 namespace dynslam {
 
 /// A cell that answers a question.
-struct MapCell {
+template <class Voxel>
+struct BasicMapCell {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   double edge = 0;
-  MapVoxel voxel;
+  Voxel voxel{};
   double distance = 0;  ///< from where was asked to the nearest point of the cell
+};
+using MapCell = BasicMapCell<MapVoxel>;  ///< of this library's own maps
+template <VoxelMap M>
+using MapCellOf = BasicMapCell<typename M::Voxel>;
+
+/// A point or direction of a question: any Eigen vector of 3 floats or doubles, or {x, y, z}.
+struct QueryVector : Eigen::Vector3d {
+  QueryVector(double x, double y, double z) : Eigen::Vector3d(x, y, z) {}
+  template <class D>
+    requires(FixedMatrix<D, 3>&& std::floating_point<typename D::Scalar>)
+  QueryVector(const Eigen::MatrixBase<D>& p)  // NOLINT(google-explicit-constructor): it is a parameter
+      : Eigen::Vector3d(p.template cast<double>()) {}
 };
 
 /// State of the cell that holds a point; unknown outside the grid.
-template <VoxelStore M>
-[[nodiscard]] MapVoxel query_point(const M& map, const Eigen::Vector3d& p, int level = 0) {
+template <VoxelMap M>
+[[nodiscard]] typename M::Voxel query_point(const M& map, const QueryVector& p, int level = 0) {
   const auto key = map.grid().key(p);
-  return key ? map.at(*key, level) : MapVoxel{};
+  return key && level >= 0 && level < kVoxelLevels ? map.at(*key, level) : typename M::Voxel{};
 }
 
 /// Distance from a point to a cell, 0 inside.
-[[nodiscard]] inline double distance_to_cell(const Eigen::Vector3d& p, const Eigen::Vector3d& centre,
+[[nodiscard]] inline double distance_to_cell(const QueryVector& p, const Eigen::Vector3d& centre,
                                              double edge) {
   return ((p - centre).cwiseAbs().array() - edge / 2).cwiseMax(0.0).matrix().norm();
 }
 
-/// Calls f(MapCell) for each occupied cell that touches the box [low, high].
-template <VoxelStore M, class F>
-void query_box(const M& map, const Eigen::Vector3d& low, const Eigen::Vector3d& high, int level, F&& f) {
+/// Calls f(cell) for each occupied cell that touches the box [low, high]; f takes a MapCellOf<M>.
+/// @return false for a bound that is NaN, or a level that is none: f is not called then
+template <VoxelMap M, class F>
+bool query_box(const M& map, const QueryVector& low, const QueryVector& high, int level, F&& f) {
   const VoxelGrid& grid = map.grid();
   const double limit = 32767.5 * grid.resolution();
   const auto bound = [&](const Eigen::Vector3d& p) {
     return grid.key(p.cwiseMax(-limit).cwiseMin(limit).eval());
   };
+  if (low.hasNaN() || high.hasNaN() || level < 0 || level >= kVoxelLevels) return false;
   const auto a = bound(low), b = bound(high);
-  if (!a || !b) return;  // NaN
-  map.for_each_occupied(*a, *b, level, [&](const VoxelKey& key, const MapVoxel& voxel) {
-    f(MapCell{grid.centre(key, level), grid.edge(level), voxel, 0.0});
+  if (!a || !b) return false;
+  map.for_each_occupied(*a, *b, level, [&](const VoxelKey& key, const typename M::Voxel& voxel) {
+    f(MapCellOf<M>{grid.centre(key, level), grid.edge(level), voxel, 0.0});
   });
+  return true;
 }
 
-/// What a ray meets first.
-struct RayHit {
-  MapCell cell;
-  double distance = 0;   ///< along the ray to where it enters the cell
-  bool unknown = false;  ///< the cell is unknown, not occupied
+enum class RayStatus : std::uint8_t {
+  free,          ///< nothing occupied up to max_range or the border of the grid
+  hit,           ///< an occupied cell
+  unknown,       ///< an unobserved cell, or the border of the grid; only with stop_at_unknown
+  outside_grid,  ///< the origin lies outside the grid, where the map knows nothing
+  bad_input      ///< NaN, no direction, a range that is not above 0, or a level that is none
 };
 
-/// First occupied cell on the ray from `origin` along `direction` (any length but 0), up to `max_range`. With
-/// `stop_at_unknown` an unobserved cell ends it, too: to a careful planner that is an obstacle.
-/// @return nullopt: the way is free (or begins outside the grid, where nothing is)
-template <VoxelStore M>
-[[nodiscard]] std::optional<RayHit> cast_ray(const M& map, const Eigen::Vector3d& origin,
-                                             const Eigen::Vector3d& direction, double max_range,
-                                             bool stop_at_unknown = false, int level = 0) {
-  const double length = direction.norm();
-  if (!(length > 0) || !std::isfinite(length)) return std::nullopt;
-  const Eigen::Vector3d ray = direction / length;
-  // Not beyond the grid, where nothing can be.
-  const double limit = 32767.0 * map.grid().resolution() - map.grid().edge(level);
-  double reach = max_range;
-  for (Eigen::Index i = 0; i < 3; ++i) {
-    if (!(std::abs(origin(i)) < limit)) return std::nullopt;
-    if (ray(i) != 0) reach = std::min(reach, (std::copysign(limit, ray(i)) - origin(i)) / ray(i));
+struct RayOptions {
+  double max_range = 0;  ///< [m] above 0, may be infinite
+  bool stop_at_unknown =
+      false;      ///< an unobserved cell ends the ray: to a careful planner that is an obstacle
+  int level = 0;  ///< of the cells, 0 to 15
+};
+
+/// What a ray meets first.
+template <class Voxel>
+struct BasicRayResult {
+  RayStatus status = RayStatus::bad_input;
+  BasicMapCell<Voxel> cell;  ///< with hit and unknown; without an edge where that is the border of the grid
+  double distance = 0;  ///< along the ray: to where it enters the cell, or as far as the way was followed
+  std::size_t unknown_cells = 0;  ///< passed on the way; a free way of unknown cells is not known to be free
+  /// Whether the map could answer.
+  [[nodiscard]] bool ok() const {
+    return status != RayStatus::bad_input && status != RayStatus::outside_grid;
   }
-  if (!(reach > 0)) return std::nullopt;
-  const Eigen::Vector3d end = origin + ray * reach;
-  // Coarse cells are voxels of a coarser grid with the same origin.
-  const VoxelGrid coarse(map.grid().edge(level));
-  const auto fine = [&](PackedKey packed) {
-    VoxelKey key = unpack(packed);
-    for (std::size_t i = 0; i < 3; ++i)
-      key[i] = static_cast<std::uint16_t>(std::clamp(((int(key[i]) - 32768) << level) + 32768, 0, 65535));
-    return key;
-  };
-  std::optional<RayHit> hit;
-  const auto look = [&](PackedKey packed) {
-    const VoxelKey key = fine(packed);
-    const MapVoxel voxel = map.at(key, level);
-    const bool unknown = voxel.state == Occupancy::unknown;
-    if (voxel.state != Occupancy::occupied && !(unknown && stop_at_unknown)) return true;
-    RayHit found;
-    found.cell = {map.grid().centre(key, level), map.grid().edge(level), voxel, 0.0};
-    double enter = 0;
+  /// Whether something ends the way.
+  [[nodiscard]] bool blocked() const { return status == RayStatus::hit || status == RayStatus::unknown; }
+};
+using RayResult = BasicRayResult<MapVoxel>;
+template <VoxelMap M>
+using RayResultOf = BasicRayResult<typename M::Voxel>;
+
+namespace detail {
+/// Outermost point of the grid along an axis that is safely inside, in voxels.
+inline constexpr double kGridReach = 32767.5;
+
+/// Key of a cell from that of the coarser grid with the same origin, in which it is a voxel.
+[[nodiscard]] inline VoxelKey fine_key(PackedKey coarse, int level) {
+  VoxelKey key = unpack(coarse);
+  for (std::size_t i = 0; i < 3; ++i)
+    key[i] = static_cast<std::uint16_t>(std::clamp((int(key[i]) - 32768) * (1 << level) + 32768, 0, 65535));
+  return key;
+}
+}  // namespace detail
+
+/// First occupied cell on the ray from `origin` along `direction` (any length but 0).
+template <VoxelMap M>
+[[nodiscard]] RayResultOf<M> cast_ray(const M& map, const QueryVector& origin, const QueryVector& direction,
+                                      const RayOptions& options) {
+  RayResultOf<M> result;
+  const double length = direction.norm();
+  const int level = options.level;
+  if (!(length > 0) || !std::isfinite(length) || origin.hasNaN() || !(options.max_range > 0) || level < 0 ||
+      level >= kVoxelLevels)
+    return result;
+  const Eigen::Vector3d ray = direction / length;
+  const VoxelGrid& grid = map.grid();
+  const double limit = detail::kGridReach * grid.resolution();
+  double reach = options.max_range;
+  bool to_border = false;
+  result.status = RayStatus::outside_grid;
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    if (!(std::abs(origin(i)) < limit)) return result;
+    if (ray(i) == 0) continue;
+    const double border = (std::copysign(limit, ray(i)) - origin(i)) / ray(i);
+    to_border = to_border || border < reach;
+    reach = std::min(reach, border);
+  }
+  const Eigen::Vector3d end = (origin + ray * reach).cwiseMax(-limit).cwiseMin(limit);
+  const auto enter = [&](const Eigen::Vector3d& centre, double edge) {
+    double t = 0;
     for (Eigen::Index i = 0; i < 3; ++i) {
       if (ray(i) == 0) continue;
-      const double face = found.cell.centre(i) - std::copysign(found.cell.edge / 2, ray(i));
-      enter = std::max(enter, (face - origin(i)) / ray(i));
+      t = std::max(t, (centre(i) - std::copysign(edge / 2, ray(i)) - origin(i)) / ray(i));
     }
-    found.distance = enter;
-    found.cell.distance = distance_to_cell(origin, found.cell.centre, found.cell.edge);
-    found.unknown = unknown;
-    hit = found;
+    return t;
+  };
+  result.status = RayStatus::free;
+  result.distance = reach;
+  const auto look = [&](PackedKey packed) {
+    const VoxelKey key = detail::fine_key(packed, level);
+    const auto voxel = map.at(key, level);
+    const bool unknown = voxel.state == Occupancy::unknown;
+    result.unknown_cells += unknown ? 1 : 0;
+    if (voxel.state != Occupancy::occupied && !(unknown && options.stop_at_unknown)) return true;
+    result.status = unknown ? RayStatus::unknown : RayStatus::hit;
+    result.cell = {grid.centre(key, level), grid.edge(level), voxel, 0.0};
+    result.cell.distance = distance_to_cell(origin, result.cell.centre, result.cell.edge);
+    result.distance = enter(result.cell.centre, result.cell.edge);
     return false;
   };
-  if (!traverse_ray<double>(coarse, origin, end, look)) return std::nullopt;
-  if (!hit) look(pack(*coarse.key(end)));  // the traversal leaves the last cell out
-  return hit;
+  const VoxelGrid coarse(grid.edge(level));
+  traverse_ray<double>(coarse, origin, end, look);
+  if (result.status == RayStatus::free)
+    look(pack(*coarse.key(end)));  // the traversal leaves the last cell out
+  if (result.status == RayStatus::free && to_border && options.stop_at_unknown) {
+    result.status = RayStatus::unknown;
+    result.cell.centre = end;
+  }
+  return result;
 }
 
-/// Nearest occupied cell within `radius` of a point; ties go to the lower key, so the answer is the same in
-/// every run. @return nullopt: none
-template <VoxelStore M>
-[[nodiscard]] std::optional<MapCell> nearest_obstacle(const M& map, const Eigen::Vector3d& p, double radius,
-                                                      int level = 0) {
-  std::optional<MapCell> best;
-  const auto before = [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-    return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
-  };
-  // Small boxes first: most questions are answered by a few cells.
-  for (double r = std::min(radius, 4 * map.grid().edge(level));; r = std::min(radius, 2 * r)) {
-    const Eigen::Vector3d d = Eigen::Vector3d::Constant(r);
-    query_box(map, p - d, p + d, level, [&](MapCell cell) {
-      cell.distance = distance_to_cell(p, cell.centre, cell.edge);
-      if (cell.distance > radius) return;
-      if (!best || cell.distance < best->distance ||
-          (cell.distance == best->distance && before(cell.centre, best->centre)))
-        best = cell;
-    });
-    if ((best && best->distance <= r) || !(r < radius)) return best;
+enum class NearestStatus : std::uint8_t {
+  none,      ///< no occupied cell within the radius
+  found,     ///< `cell`
+  bad_input  ///< NaN, an infinite point, a radius below 0, or a level that is none
+};
+
+template <class Voxel>
+struct BasicNearestResult {
+  NearestStatus status = NearestStatus::bad_input;
+  BasicMapCell<Voxel> cell;
+  [[nodiscard]] bool ok() const { return status != NearestStatus::bad_input; }
+  [[nodiscard]] bool found() const { return status == NearestStatus::found; }
+};
+using NearestResult = BasicNearestResult<MapVoxel>;
+template <VoxelMap M>
+using NearestResultOf = BasicNearestResult<typename M::Voxel>;
+
+namespace detail {
+/// Branch and bound from coarse cells to fine ones, nearer ones first. A coarse cell that is not occupied has
+/// nothing in it; one farther away than the best found so far has nothing nearer.
+template <VoxelMap M>
+class NearestSearch {
+ public:
+  NearestSearch(const M& map, const Eigen::Vector3d& p, double radius, int level)
+      : map_(map), p_(p), level_(level), bound_(radius) {}
+
+  void run() {
+    // The cells of one level that the ball can touch: two along an axis, where the level's edge is its
+    // diameter.
+    const VoxelGrid& grid = map_.grid();
+    int top = level_;
+    while (top < kVoxelLevels && grid.edge(top) < 2 * bound_) ++top;
+    const double limit = kGridReach * grid.resolution();
+    const Eigen::Vector3d reach = Eigen::Vector3d::Constant(bound_);
+    const auto low = grid.key((p_ - reach).cwiseMax(-limit).cwiseMin(limit).eval()),
+               high = grid.key((p_ + reach).cwiseMax(-limit).cwiseMin(limit).eval());
+    if (!low || !high) return;
+    const VoxelKey a = key_at_level(*low, top), b = key_at_level(*high, top);
+    Candidates cells;
+    for (int z = a[2]; z <= int(b[2]); z += 1 << top)
+      for (int y = a[1]; y <= int(b[1]); y += 1 << top)
+        for (int x = a[0]; x <= int(b[0]); x += 1 << top) cells.add(*this, x, y, z, top);
+    descend(cells, top);
   }
+  [[nodiscard]] NearestResultOf<M> result() const {
+    return {found_ ? NearestStatus::found : NearestStatus::none, best_};
+  }
+
+ private:
+  /// Cells of one level by their distance, at most 3 x 3 x 3.
+  struct Candidates {
+    struct Cell {
+      VoxelKey key;
+      Eigen::Vector3d centre;
+      double distance;
+    };
+    std::array<Cell, 27> cells;
+    std::size_t count = 0;
+    void add(const NearestSearch& search, int x, int y, int z, int level) {
+      const VoxelKey key{
+          {static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y), static_cast<std::uint16_t>(z)}};
+      const VoxelGrid& grid = search.map_.grid();
+      const Eigen::Vector3d centre = grid.centre(key, level);
+      const double distance = distance_to_cell(search.p_, centre, grid.edge(level));
+      if (search.too_far(distance) || count == cells.size()) return;
+      std::size_t i = count++;
+      for (; i > 0 && cells[i - 1].distance > distance; --i) cells[i] = cells[i - 1];
+      cells[i] = {key, centre, distance};
+    }
+  };
+  /// With room for rounding: a coarse cell's distance is that of its parts only nearly.
+  [[nodiscard]] bool too_far(double distance) const { return distance * (1 - 1e-12) > bound_; }
+
+  void descend(const Candidates& cells, int level) {
+    for (std::size_t i = 0; i < cells.count && !too_far(cells.cells[i].distance); ++i) {
+      const auto& cell = cells.cells[i];
+      const auto voxel = map_.at(cell.key, level);
+      if (voxel.state != Occupancy::occupied) continue;
+      if (level == level_) {
+        take(cell, voxel);
+        continue;
+      }
+      const int half = 1 << (level - 1);
+      Candidates parts;
+      for (int k = 0; k < 8; ++k)
+        parts.add(*this, cell.key[0] + (k & 1) * half, cell.key[1] + (k >> 1 & 1) * half,
+                  cell.key[2] + (k >> 2) * half, level - 1);
+      descend(parts, level - 1);
+    }
+  }
+  void take(const typename Candidates::Cell& cell, const typename M::Voxel& voxel) {
+    if (cell.distance > bound_) return;
+    if (found_ && cell.distance == bound_ &&
+        !std::lexicographical_compare(cell.centre.begin(), cell.centre.end(), best_.centre.begin(),
+                                      best_.centre.end()))
+      return;
+    found_ = true;
+    bound_ = cell.distance;
+    best_ = {cell.centre, map_.grid().edge(level_), voxel, cell.distance};
+  }
+
+  const M& map_;
+  Eigen::Vector3d p_;
+  int level_;
+  double bound_;  // distance of the best cell so far, the radius before the first
+  bool found_ = false;
+  MapCellOf<M> best_;
+};
+}  // namespace detail
+
+/// Nearest occupied cell within `radius` of a point, by descent through coarse cells: some tens of them are
+/// asked for, near and far. Ties go to the lower key, so the answer is the same in every run.
+template <VoxelMap M>
+[[nodiscard]] NearestResultOf<M> nearest_obstacle(const M& map, const QueryVector& p, double radius,
+                                                  int level = 0) {
+  if (!p.allFinite() || !(radius >= 0) || level < 0 || level >= kVoxelLevels) return {};
+  detail::NearestSearch<M> search(map, p, radius, level);
+  search.run();
+  return search.result();
 }
 
 }  // namespace dynslam

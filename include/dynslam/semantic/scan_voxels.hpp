@@ -17,9 +17,6 @@
 
 namespace dynslam {
 
-/// Labels that a map voxel can tell apart.
-inline constexpr std::size_t kMapLabels = 8;
-using MapLabels = LabelHistogram<kMapLabels>;
 /// Votes that one scan casts for the label of one voxel.
 inline constexpr int kVotesPerScan = 8;
 
@@ -30,16 +27,17 @@ struct ScanPoint {
   std::array<std::uint8_t, 3> rgb{};
 };
 
-/// What one scan measured on the surface in one voxel.
-struct VoxelEnd {
-  std::array<std::uint32_t, kMapLabels> label_samples{};
+/// What one scan measured on the surface in one voxel. @tparam N  number of labels
+template <std::size_t N>
+struct BasicVoxelEnd {
+  std::array<std::uint32_t, N> label_samples{};
   std::array<std::uint32_t, 3> colour_sum{};  ///< R, G, B
   std::uint32_t samples = 0;
   float weight = 0;  ///< of the best sample; scales the log-odds of the hit
 
   /// Adds this scan's votes to a voxel's labels, shared by the labels' samples.
-  void vote(MapLabels& labels) const {
-    for (std::size_t i = 0; i < kMapLabels; ++i) {
+  void vote(LabelHistogram<N>& labels) const {
+    for (std::size_t i = 0; i < N; ++i) {
       if (label_samples[i] == 0) continue;
       const auto share = (label_samples[i] * std::uint64_t(kVotesPerScan) + samples / 2) / samples;
       if (share > 0) labels.add(static_cast<std::uint8_t>(i), static_cast<int>(share));
@@ -52,6 +50,7 @@ struct VoxelEnd {
     return mean;
   }
 };
+using VoxelEnd = BasicVoxelEnd<kMapLabels>;
 
 /// 8 x 8 x 8 voxels of a scan; bits are in Morton order, so word o is the octant o, byte b of it the octant b
 /// of that one, and so on: the three lowest levels of an octree.
@@ -68,9 +67,14 @@ struct ScanBlock {
 ///
 /// Bits in hashed blocks instead of a set of keys: to note a voxel that is already known costs a nanosecond,
 /// and the blocks come out in the order in which an octree stores them. Memory is kept from scan to scan.
-class ScanVoxels {
+/// @tparam N  number of labels, that of the map; samples of other labels count, without a vote
+template <std::size_t N>
+class BasicScanVoxels {
  public:
-  explicit ScanVoxels(const VoxelGrid& grid) : grid_(grid) { clear(); }
+  using End = BasicVoxelEnd<N>;
+  static constexpr std::size_t kLabels = N;
+
+  explicit BasicScanVoxels(const VoxelGrid& grid) : grid_(grid) { clear(); }
 
   [[nodiscard]] const VoxelGrid& grid() const { return grid_; }
 
@@ -198,7 +202,7 @@ class ScanVoxels {
 
   [[nodiscard]] const ScanBlock& block(std::uint32_t b) const { return blocks_[b]; }
   /// Surface measurement of a voxel whose bit in `hit` is set. @param i  its place in the block
-  [[nodiscard]] const VoxelEnd& end(const ScanBlock& block, std::size_t i) const {
+  [[nodiscard]] const End& end(const ScanBlock& block, std::size_t i) const {
     return ends_[tables_[static_cast<std::size_t>(block.ends)][i]];
   }
   /// Voxels with a surface sample.
@@ -236,9 +240,8 @@ class ScanVoxels {
     std::uint32_t block;
     bool operator<(const Code& other) const { return code < other.code; }
   };
-  static void add_sample(VoxelEnd& end, std::uint8_t label, const std::array<std::uint8_t, 3>& rgb,
-                         float weight) {
-    if (label < kMapLabels) ++end.label_samples[label];
+  static void add_sample(End& end, std::uint8_t label, const std::array<std::uint8_t, 3>& rgb, float weight) {
+    if (label < N) ++end.label_samples[label];
     for (std::size_t c = 0; c < 3; ++c) end.colour_sum[c] += rgb[c];
     ++end.samples;
     end.weight = std::max(end.weight, weight);
@@ -301,17 +304,20 @@ class ScanVoxels {
                   last_high_ = Eigen::Vector3f::Zero();  // well inside it
   std::vector<Table> tables_;
   std::size_t tables_used_ = 0;
-  std::vector<VoxelEnd> ends_;
+  std::vector<End> ends_;
   std::vector<Code> codes_;
   std::vector<std::uint32_t> order_;
 };
+
+using ScanVoxels = BasicScanVoxels<kMapLabels>;
 
 /// Gathers a scan by the rules of OctoMap's insertPointCloud, so that the same voxels are hit and missed:
 /// points beyond `max_range` clear the way up to it, all others are hits; a ray is followed for each point,
 /// or with `discretize` for each voxel that holds points, to its centre.
 /// @param max_range  metres; below 0: unlimited
-inline void gather_point_cloud(ScanVoxels& scan, std::span<const ScanPoint> points,
-                               const Eigen::Vector3f& origin, double max_range, bool discretize) {
+template <std::size_t N>
+void gather_point_cloud(BasicScanVoxels<N>& scan, std::span<const ScanPoint> points,
+                        const Eigen::Vector3f& origin, double max_range, bool discretize) {
   scan.clear();
   const VoxelGrid& grid = scan.grid();
   const auto norm = [](const Eigen::Vector3f& d) {

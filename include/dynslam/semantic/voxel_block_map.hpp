@@ -7,23 +7,28 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <unordered_map>
 
 #include "dynslam/concepts/map.hpp"
+#include "dynslam/semantic/cell_tree.hpp"
 #include "dynslam/semantic/map_voxel.hpp"
 #include "dynslam/semantic/scan_voxels.hpp"
 #include "dynslam/semantic/voxel.hpp"
 
 namespace dynslam {
 
-/// Reference voxel store: hashed blocks of 8 x 8 x 8 voxels at full resolution. Plain where an octree is
-/// compact; the oracle of the octree's tests, and a map for programs without OctoMap.
-template <std::floating_point S>
+/// Voxel store in hashed blocks of 8 x 8 x 8 voxels at full resolution, with summaries of coarser cells above
+/// them. Plain where an octree of OctoMap's is compact; the oracle of that one's tests, and a map for
+/// programs without OctoMap.
+/// @tparam N  number of labels, 1 to 256; a voxel takes N bytes for them
+template <std::floating_point S, std::size_t N = kMapLabels>
 class VoxelBlockMap {
  public:
   using Key = VoxelKey;
-  using Scan = ScanVoxels;
+  using Scan = BasicScanVoxels<N>;
   using Voxel = MapVoxel;
+  static constexpr std::size_t kLabels = N;
 
   explicit VoxelBlockMap(const VoxelGrid& grid, const LogOddsParams<S>& params = {})
       : grid_(grid), params_(params) {}
@@ -32,118 +37,146 @@ class VoxelBlockMap {
   [[nodiscard]] const LogOddsParams<S>& params() const { return params_; }
   [[nodiscard]] std::size_t blocks() const { return blocks_.size(); }
 
-  /// Fuses a scan, each of its voxels once (Eq 12).
-  void integrate(const ScanVoxels& scan) {
+  /// Fuses a scan gathered on the same grid, after its finish(): each of its voxels once (Eq 12).
+  void integrate(const Scan& scan) {
+    if (scan.order().empty()) return;
+    typename Tree::Update update(tree_);
     for (const std::uint32_t b : scan.order()) {
       const ScanBlock& from = scan.block(b);
-      Block& to = blocks_[from.base];
-      for (std::size_t w = 0; w < 8; ++w) {
-        for (std::uint64_t bits = from.miss[w]; bits != 0; bits &= bits - 1) {
-          SemanticVoxel<S, kMapLabels>& voxel = to[64 * w + static_cast<std::size_t>(std::countr_zero(bits))];
-          voxel.miss(params_);
-          // Labels belong to what is there: free space has none, and forgets those it had.
-          if (voxel.occupancy.state(params_) != Occupancy::occupied) voxel.labels.clear();
-        }
-        for (std::uint64_t bits = from.hit[w]; bits != 0; bits &= bits - 1) {
-          const std::size_t i = 64 * w + static_cast<std::size_t>(std::countr_zero(bits));
-          SemanticVoxel<S, kMapLabels>& voxel = to[i];
-          const VoxelEnd& end = scan.end(from, i);
-          voxel.occupancy.update(static_cast<S>(end.weight) * params_.hit, params_);
-          if (voxel.occupancy.state(params_) == Occupancy::occupied) end.vote(voxel.labels);
-        }
+      auto& leaf = update.leaf(from.key());
+      if (leaf.leaf() == Tree::kNone) {
+        leaf.leaf() = static_cast<std::int32_t>(blocks_.size());
+        index_.emplace(from.base, blocks_.size());
+        blocks_.emplace_back();
       }
+      fuse(scan, from, blocks_[static_cast<std::size_t>(leaf.leaf())], leaf.summary);
     }
+    update.finish();
   }
 
+  /// State of the cell of 2^level voxels per edge that holds the key. Costs a look-up, not a look at each
+  /// voxel.
+  /// @param level  0 to 16
   [[nodiscard]] MapVoxel at(const VoxelKey& key, int level = 0) const {
-    if (level == 0) {
-      const auto* voxel = find(key);
-      return voxel == nullptr ? MapVoxel{} : describe(*voxel);
+    if (level >= Tree::kLeafLevel) {
+      const auto* cell = tree_.find(key, level);
+      return cell == nullptr ? MapVoxel{} : cell->summary.describe(params_);
     }
-    Merged merged;
-    visit_cell(key, level,
-               [&](const VoxelKey&, const SemanticVoxel<S, kMapLabels>& v) { merged.add(v, params_); });
-    return merged.result(params_);
+    const auto found = index_.find(pack(key_at_level(key, ScanBlock::kLevel)));
+    if (found == index_.end()) return {};
+    const std::size_t first = Scan::index_in_block(pack(key_at_level(key, level)));
+    return cell_in_block(blocks_[found->second], first, level);
   }
 
   template <class F>
   void for_each_occupied(const VoxelKey& low, const VoxelKey& high, int level, F&& f) const {
-    std::unordered_map<PackedKey, Merged> cells;
-    for (const auto& [base, block] : blocks_) {
-      const VoxelKey corner = unpack(base);
-      for (std::size_t i = 0; i < block.size(); ++i) {
-        if (block[i].occupancy.state(params_) == Occupancy::unknown) continue;
-        const VoxelKey offset = ScanVoxels::offset_in_block(i);
-        VoxelKey key;
-        for (std::size_t a = 0; a < 3; ++a) key[a] = static_cast<std::uint16_t>(corner[a] + offset[a]);
-        const VoxelKey cell = key_at_level(key, level);
-        bool inside = true;
-        for (std::size_t a = 0; a < 3; ++a)
-          inside = inside && cell[a] <= high[a] && int(cell[a]) + (1 << level) > int(low[a]);
-        if (inside) cells[pack(cell)].add(block[i], params_);
+    const auto visit = [&](const VoxelKey& corner, int, const typename Tree::Node& node) {
+      if (level >= Tree::kLeafLevel) {
+        f(corner, node.summary.describe(params_));
+      } else {
+        for_each_in_block(blocks_[static_cast<std::size_t>(node.leaf())], corner, low, high, level, f);
       }
-    }
-    for (const auto& [cell, merged] : cells) {
-      const MapVoxel voxel = merged.result(params_);
-      if (voxel.state == Occupancy::occupied) f(unpack(cell), voxel);
-    }
+    };
+    tree_.for_each_occupied(low, high, level, params_, visit);
   }
 
  private:
-  using Block = std::array<SemanticVoxel<S, kMapLabels>, 512>;
+  using Tree = CellTree<S, N>;
+  using Summary = CellSummary<S, N>;
+  using CellVoxel = SemanticVoxel<S, N>;
+  using Block = std::array<CellVoxel, 512>;
   struct Hash {
     std::size_t operator()(PackedKey key) const {
       return static_cast<std::size_t>((key >> 3) * 0x9E3779B97F4A7C15ULL >> 16);
     }
   };
-  struct Merged {
-    bool observed = false;
-    S log_odds{};
-    std::array<int, kMapLabels> votes{};
-    void add(const SemanticVoxel<S, kMapLabels>& v, const LogOddsParams<S>& params) {
-      const Occupancy state = v.occupancy.state(params);
-      if (state == Occupancy::unknown) return;
-      log_odds = observed ? std::max(log_odds, v.occupancy.log_odds()) : v.occupancy.log_odds();
-      observed = true;
-      for (std::uint8_t l = 0; l < kMapLabels; ++l) votes[l] += v.labels.votes(l);
-    }
-    [[nodiscard]] MapVoxel result(const LogOddsParams<S>& params) const {
-      if (!observed) return {};
-      const auto labels = MapLabels::from_sums(votes);
-      return {log_odds >= params.occupied ? Occupancy::occupied : Occupancy::free,
-              static_cast<float>(log_odds), labels.top(), static_cast<float>(labels.confidence())};
-    }
-  };
 
-  [[nodiscard]] const SemanticVoxel<S, kMapLabels>* find(const VoxelKey& key) const {
-    const PackedKey packed = pack(key);
-    const auto it = blocks_.find(pack(key_at_level(key, ScanBlock::kLevel)));
-    return it == blocks_.end() ? nullptr : &it->second[ScanVoxels::index_in_block(packed)];
+  /// Fuses one block and keeps its summary: votes by their differences, the largest log-odds anew where the
+  /// voxel that had it sank.
+  void fuse(const Scan& scan, const ScanBlock& from, Block& to, Summary& summary) const {
+    bool sank = false;
+    S highest = std::numeric_limits<S>::lowest();
+    const auto change = [&](CellVoxel& voxel, auto&& measure) {
+      const S before = voxel.occupancy.log_odds();
+      measure(voxel);
+      const S after = voxel.occupancy.log_odds();
+      sank = sank || (before == summary.log_odds && after < before);
+      highest = std::max(highest, after);
+    };
+    for (std::size_t w = 0; w < 8; ++w) {
+      for (std::uint64_t bits = from.miss[w]; bits != 0; bits &= bits - 1) {
+        change(to[64 * w + static_cast<std::size_t>(std::countr_zero(bits))], [&](CellVoxel& voxel) {
+          voxel.miss(params_);
+          // Labels belong to what is there: free space has none, and forgets those it had.
+          if (voxel.occupancy.state(params_) == Occupancy::occupied || voxel.labels.empty()) return;
+          count_votes(summary, voxel.labels, -1);
+          voxel.labels.clear();
+        });
+      }
+      for (std::uint64_t bits = from.hit[w]; bits != 0; bits &= bits - 1) {
+        const std::size_t i = 64 * w + static_cast<std::size_t>(std::countr_zero(bits));
+        change(to[i], [&](CellVoxel& voxel) {
+          const auto& end = scan.end(from, i);
+          voxel.occupancy.update(static_cast<S>(end.weight) * params_.hit, params_);
+          if (voxel.occupancy.state(params_) != Occupancy::occupied) return;
+          count_votes(summary, voxel.labels, -1);
+          end.vote(voxel.labels);
+          count_votes(summary, voxel.labels, 1);
+        });
+      }
+    }
+    summary.observed = true;
+    if (highest >= summary.log_odds) {
+      summary.log_odds = highest;
+    } else if (sank) {
+      summary.log_odds = std::numeric_limits<S>::lowest();
+      for (const CellVoxel& voxel : to) {
+        if (voxel.occupancy.state(params_) != Occupancy::unknown)
+          summary.log_odds = std::max(summary.log_odds, voxel.occupancy.log_odds());
+      }
+    }
   }
-  [[nodiscard]] MapVoxel describe(const SemanticVoxel<S, kMapLabels>& v) const {
-    return {v.occupancy.state(params_), static_cast<float>(v.occupancy.log_odds()), v.labels.top(),
-            static_cast<float>(v.labels.confidence())};
+  static void count_votes(Summary& summary, const LabelHistogram<N>& labels, int sign) {
+    for (std::size_t l = 0; l < N; ++l) summary.votes[l] += sign * labels.votes(static_cast<std::uint8_t>(l));
+  }
+
+  /// A cell within a block, whose voxels lie side by side. @param first  place of its first voxel
+  [[nodiscard]] MapVoxel cell_in_block(const Block& block, std::size_t first, int level) const {
+    if (level == 0) {
+      const CellVoxel& voxel = block[first];
+      return {voxel.occupancy.state(params_), static_cast<float>(voxel.occupancy.log_odds()),
+              voxel.labels.top(), static_cast<float>(voxel.labels.confidence())};
+    }
+    Summary sum;
+    for (std::size_t i = first; i < first + (std::size_t(1) << (3 * level)); ++i) sum.add(block[i], params_);
+    return sum.describe(params_);
   }
   template <class F>
-  void visit_cell(const VoxelKey& key, int level, F&& f) const {
-    const VoxelKey cell = key_at_level(key, level);
-    const int n = 1 << level;
-    for (int z = 0; z < n; ++z) {
-      for (int y = 0; y < n; ++y) {
-        for (int x = 0; x < n; ++x) {
-          const VoxelKey k{{static_cast<std::uint16_t>(cell[0] + x), static_cast<std::uint16_t>(cell[1] + y),
-                            static_cast<std::uint16_t>(cell[2] + z)}};
-          if (const auto* voxel = find(k)) f(k, *voxel);
-        }
+  void for_each_in_block(const Block& block, const VoxelKey& corner, const VoxelKey& low,
+                         const VoxelKey& high, int level, F& f) const {
+    const std::size_t step = std::size_t(1) << (3 * level);
+    for (std::size_t i = 0; i < block.size(); i += step) {
+      const VoxelKey offset = Scan::offset_in_block(i);
+      VoxelKey key;
+      bool inside = true;
+      for (std::size_t a = 0; a < 3; ++a) {
+        key[a] = static_cast<std::uint16_t>(corner[a] + offset[a]);
+        inside = inside && key[a] <= high[a] && int(key[a]) + (1 << level) > int(low[a]);
       }
+      if (!inside) continue;
+      const MapVoxel voxel = cell_in_block(block, i, level);
+      if (voxel.state == Occupancy::occupied) f(key, voxel);
     }
   }
 
   VoxelGrid grid_;
   LogOddsParams<S> params_;
-  std::unordered_map<PackedKey, Block, Hash> blocks_;
+  std::deque<Block> blocks_;  // blocks are large: they stay where they are
+  std::unordered_map<PackedKey, std::size_t, Hash> index_;
+  Tree tree_;
 };
 
 static_assert(VoxelStore<VoxelBlockMap<float>> && VoxelStore<VoxelBlockMap<double>>);
+static_assert(VoxelStore<VoxelBlockMap<float, 80>>);
 
 }  // namespace dynslam
