@@ -8,9 +8,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <istream>
 #include <limits>
-#include <ostream>
 
 #include "dynslam/semantic/label_histogram.hpp"
 #include "dynslam/semantic/scan_voxels.hpp"

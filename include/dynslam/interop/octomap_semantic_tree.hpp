@@ -7,7 +7,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <istream>
 #include <string>
 
 #include "dynslam/concepts/map.hpp"
