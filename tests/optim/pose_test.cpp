@@ -3,6 +3,9 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
+#include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "dynslam/robust/kernels.hpp"
@@ -184,4 +187,48 @@ TEST_CASE("pixel noise that was stated four times too large is noticed: movers n
   CHECK(estimating.inliers < 250);
   CHECK(trusting.inliers > 280);
   CHECK(error(estimating.T_c_w) < 0.5 * error(trusting.T_c_w));
+}
+
+TEST_CASE_TEMPLATE("flags, weights, inliers and status agree on every path: a failed pose has no inliers", S,
+                   float, double) {
+  test::Rng rng("pose agreement");
+  const TDistribution<S> kernel(S(5));
+  PoseWorkspace<S> workspace;
+  int failures = 0;
+  const auto check = [&](const std::vector<PoseObservation<S>>& observations, const SE3<S>& start,
+                         PoseStatus expected, const PoseOptions<S>& options = {}) {
+    const auto result = optimize_pose<S>(kCamera.cast<S>(), observations, start, options, kernel, workspace);
+    CHECK(result.status == expected);
+    REQUIRE(workspace.inlier.size() == observations.size());
+    REQUIRE(workspace.weight.size() == observations.size());
+    CHECK(std::count(workspace.inlier.begin(), workspace.inlier.end(), std::uint8_t{1}) == result.inliers);
+    if (result.ok()) {
+      CHECK(result.inliers >= options.min_observations);
+      return;
+    }
+    ++failures;
+    CHECK(result.inliers == 0);
+    CHECK(result.cost == S(0));
+    CHECK(result.covariance.isZero());
+    CHECK(std::count(workspace.weight.begin(), workspace.weight.end(), S(0)) ==
+          static_cast<std::ptrdiff_t>(observations.size()));
+  };
+  const SE3<S> truth = true_pose().cast<S>();
+  auto good = observe<S>(rng, 30, 0, 1.0, 0.02);
+  check(good, truth, PoseStatus::converged);
+  auto five = good;
+  five.resize(5);
+  check(five, truth, PoseStatus::too_few_observations);
+  check({}, truth, PoseStatus::too_few_observations);
+  std::vector<PoseObservation<S>> same(30, good[0]);
+  for (auto& o : same) o.depth = S(0);
+  check(same, truth, PoseStatus::degenerate);
+  auto scattered = good;  // matches that agree on nothing
+  for (auto& o : scattered)
+    o.x += Eigen::Matrix<S, 2, 1>(S(rng.uniform(-300, 300)), S(rng.uniform(-300, 300)));
+  check(scattered, truth, PoseStatus::too_few_observations);
+  auto nan = good;
+  for (auto& o : nan) o.x.x() = std::numeric_limits<S>::quiet_NaN();
+  check(nan, truth, PoseStatus::degenerate);
+  CHECK(failures == 5);
 }

@@ -57,7 +57,7 @@ struct PoseResult {
   SE3<S> T_c_w;
   Eigen::Matrix<S, 6, 6> covariance =
       Eigen::Matrix<S, 6, 6>::Zero();  ///< of the left increment; zero on failure
-  int inliers = 0;
+  int inliers = 0;                     ///< 0 on failure
   PoseStatus status = PoseStatus::too_few_observations;
   int iterations = 0;
   S cost = S(0);  ///< sum of rho over the inliers
@@ -69,8 +69,8 @@ struct PoseResult {
 /// Memory and per-observation output of optimize_pose; keep it between calls to avoid allocation.
 template <Scalar S>
 struct PoseWorkspace {
-  std::vector<std::uint8_t> inlier;  ///< out: 1 = within the chi-square bound at the result
-  std::vector<S> weight;             ///< out: robust weight at the result
+  std::vector<std::uint8_t> inlier;  ///< out: 1 = within the chi-square bound at the result; all 0 on failure
+  std::vector<S> weight;             ///< out: robust weight at the result; all 0 on failure
   std::vector<S> scratch;
 };
 
@@ -214,7 +214,16 @@ PoseResult<S> optimize_pose(const Pinhole<S>& camera, std::span<const PoseObserv
   const std::size_t n = observations.size();
   workspace.inlier.assign(n, 1);
   workspace.weight.assign(n, S(0));
-  if (n < static_cast<std::size_t>(options.min_observations)) return result;
+  // A pose that failed has no inliers, whatever was counted on the way.
+  const auto fail = [&](PoseStatus status) {
+    std::fill(workspace.inlier.begin(), workspace.inlier.end(), std::uint8_t{0});
+    std::fill(workspace.weight.begin(), workspace.weight.end(), S(0));
+    result.status = status;
+    result.inliers = 0;
+    result.cost = S(0);
+    return result;
+  };
+  if (n < static_cast<std::size_t>(options.min_observations)) return fail(PoseStatus::too_few_observations);
 
   S pixel_information = S(1);  // factor on the stated one
   const auto chi2 = [&](const PoseObservation<S>& o, const Eigen::Matrix<S, 3, 1>& r, bool depth) {
@@ -275,18 +284,14 @@ PoseResult<S> optimize_pose(const Pinhole<S>& camera, std::span<const PoseObserv
       }
       cost = linearise(T, system);
       if (!std::isfinite(cost)) {
-        result.status = PoseStatus::diverged;
-        return result;
+        return fail(PoseStatus::diverged);
       }
     }
     bool converged = false;
     for (int iteration = 0; iteration < options.max_iterations && !converged; ++iteration) {
       ++result.iterations;
       Eigen::Matrix<S, 6, 1> step;
-      if (!system.solve(lambda, step)) {
-        result.status = PoseStatus::degenerate;
-        return result;
-      }
+      if (!system.solve(lambda, step)) return fail(PoseStatus::degenerate);
       const SE3<S> trial = SE3<S>::exp(step) * T;
       const S trial_cost = linearise(trial, trial_system);
       if (trial_cost <= cost) {
@@ -317,13 +322,13 @@ PoseResult<S> optimize_pose(const Pinhole<S>& camera, std::span<const PoseObserv
       }
     }
     result.inliers = inliers;
-    if (inliers < options.min_observations) {
-      result.status = PoseStatus::too_few_observations;
-      return result;
-    }
+    if (inliers < options.min_observations) return fail(PoseStatus::too_few_observations);
     result.T_c_w = T;
   }
-  if (!system.covariance(result.covariance)) result.status = PoseStatus::degenerate;
+  if (!system.covariance(result.covariance)) {
+    result.covariance.setZero();
+    return fail(PoseStatus::degenerate);
+  }
   return result;
 }
 
