@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <limits>
 #include <type_traits>
 
 #include "dynslam/geometry/pinhole.hpp"
@@ -90,6 +92,40 @@ TEST_CASE_TEMPLATE("the newest keyframes and their points are put right, wrong s
   CHECK(std::count(doubted.begin() + 20, doubted.end(), -1) < 10);
   const auto& seen_by = w.map.points()[0].keyframes;
   CHECK(std::find(seen_by.begin(), seen_by.end(), 4) == seen_by.end());
+}
+
+TEST_CASE_TEMPLATE("sights behind their camera do not stay in the map, and hide no others", S, float,
+                   double) {
+  test::Rng rng("local bundle behind");
+  World<S> w(rng, 0);
+  const std::size_t before = w.map.keyframes()[5].frame.point.size();
+  MapPoint<S> point;  // half of the keyframes are said to see what is behind all of them
+  point.p_w = {S(0.1), S(0.2), S(-2)};
+  const int id = w.map.add_point(point);
+  for (int k = 3; k < 6; ++k) {
+    Frame<S>& frame = w.map.keyframe(k).frame;
+    Feature f;
+    f.x = 300;
+    f.y = 200;
+    f.sigma = 0.3F;
+    frame.features.push_back(f);
+    frame.point.push_back(-1);
+    w.map.observe(k, static_cast<int>(before), id);
+  }
+  BundleWindowOptions<S> options;
+  options.outlier_chi2 = std::numeric_limits<S>::infinity();  // no bound keeps them
+  BundleWindow<S> window(options);
+  window.collect(w.map, w.noise);
+  REQUIRE(w.adjust(window).ok());
+  (void)window.apply(w.camera, w.map);
+  for (int k = 3; k < 6; ++k) CHECK(w.map.keyframe(k).frame.point.back() == -1);
+  CHECK(w.map.point(id).keyframes.empty());
+  CHECK(w.map.point(id).bad);
+  for (std::size_t k = 0; k < w.truth.size(); ++k) {
+    const auto& seen = w.map.keyframes()[k].frame.point;
+    CHECK(std::count(seen.begin(), seen.begin() + static_cast<std::ptrdiff_t>(before), -1) == 0);
+    CHECK((w.map.keyframes()[k].frame.T_c_w * w.truth[k].inverse()).translation().norm() < S(0.004));
+  }
 }
 
 TEST_CASE_TEMPLATE("what was added meanwhile follows the newest adjusted keyframe", S, float, double) {

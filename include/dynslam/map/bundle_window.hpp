@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -64,9 +65,10 @@ class BundleWindow {
     for (std::size_t j = 0; j < point_ids_.size(); ++j) map.point(point_ids_[j]).p_w = points_[j];
     for (std::size_t k = 0; k < observations_.size(); ++k) {
       const auto& o = observations_[k];
-      if (bundle_chi2(camera, poses_[static_cast<std::size_t>(o.pose)],
-                      points_[static_cast<std::size_t>(o.point)], o) > options_.outlier_chi2)
-        map.forget(sights_[k].keyframe, sights_[k].feature);
+      const S e = bundle_chi2(camera, poses_[static_cast<std::size_t>(o.pose)],
+                              points_[static_cast<std::size_t>(o.point)], o);
+      // Infinite behind the camera: such a sight goes whatever the bound.
+      if (e > options_.outlier_chi2 || !std::isfinite(e)) map.forget(sights_[k].keyframe, sights_[k].feature);
     }
     const SE3<S> D = before.inverse() * map.keyframe(newest_).frame.T_c_w;
     const SE3<S> D_inverse = D.inverse();

@@ -67,7 +67,8 @@ struct BundleResult {
 template <Scalar S>
 struct BundleWorkspace {
   using Matrix63 = Eigen::Matrix<S, 6, 3>;
-  std::vector<int> column;  // per pose: index among the free ones, -1 fixed
+  std::vector<int> column;             // per pose: index among the free ones, -1 fixed
+  std::vector<std::uint8_t> in_front;  // per observation: has been in front of its camera
   std::vector<Matrix63, Eigen::aligned_allocator<Matrix63>> W;  // per observation: J_pose^T J_point
   std::vector<Eigen::Matrix<S, 3, 3>> V, V_inverse;             // per point
   std::vector<Eigen::Matrix<S, 3, 1>> b_point;
@@ -90,7 +91,8 @@ template <std::floating_point S>
 /// Poses and points that minimise the robust reprojection and depth errors (Eqs 5 and 6 over a window
 /// of keyframes), by Levenberg-Marquardt. The points are eliminated (Schur complement), which leaves a
 /// dense system of six unknowns per free pose; meant for windows of up to some tens of poses.
-/// Observations behind their camera do not count; a step that puts one there is refused.
+/// An observation that is behind its camera at the start does not count until a step brings it in front; a
+/// step that puts any other one there is refused, or hiding points would be a way to a low cost.
 template <std::floating_point S, RobustKernel<S> Kernel>
 BundleResult<S> bundle_adjust(const Pinhole<S>& camera, const BundleProblem<S>& problem,
                               const BundleOptions<S>& options, const Kernel& kernel, BundleWorkspace<S>& ws) {
@@ -105,6 +107,7 @@ BundleResult<S> bundle_adjust(const Pinhole<S>& camera, const BundleProblem<S>& 
   for (std::size_t k = 0; k < observations.size(); ++k) {
     const auto& o = observations[k];
     if (o.pose < 0 || o.pose >= pose_count || o.point < 0 || o.point >= point_count) return result;
+    if (!o.x.allFinite()) return result;
     if (k > 0 && o.point < observations[k - 1].point) return result;
   }
   int free = 0;
@@ -134,27 +137,38 @@ BundleResult<S> bundle_adjust(const Pinhole<S>& camera, const BundleProblem<S>& 
   ws.step.resize(6 * free);
 
   constexpr S kInfinity = std::numeric_limits<S>::infinity();
-  // At the start points behind a camera are ignored; from then on none may get there.
-  const auto cost_at = [&](bool strict) {
-    S sum = S(0);
-    for (const auto& o : observations) {
-      const S e = bundle_chi2<S>(camera, problem.poses[static_cast<std::size_t>(o.pose)],
-                                 problem.points[static_cast<std::size_t>(o.point)], o);
+  struct Cost {
+    S known = S(0);  // of the observations that counted before
+    S all =
+        S(0);  // and of those that have come in front of their camera, which the known ones cannot pay for
+  };
+  const auto chi2 = [&](const BundleObservation<S>& o) {
+    return bundle_chi2<S>(camera, problem.poses[static_cast<std::size_t>(o.pose)],
+                          problem.points[static_cast<std::size_t>(o.point)], o);
+  };
+  const auto cost_now = [&] {
+    Cost sum;
+    for (std::size_t k = 0; k < observations.size(); ++k) {
+      const S e = chi2(observations[k]);
       if (e == kInfinity) {
-        if (strict) return kInfinity;
-        continue;
+        if (ws.in_front[k] == 0) continue;
+        sum.known = sum.all = kInfinity;
+        break;
       }
-      sum += kernel.rho(e);
+      const S rho = kernel.rho(e);
+      if (ws.in_front[k] != 0) sum.known += rho;
+      sum.all += rho;
     }
     return sum;
   };
-  bool all_visible = true;
-  for (const auto& o : observations) {
-    all_visible =
-        all_visible && bundle_chi2<S>(camera, problem.poses[static_cast<std::size_t>(o.pose)],
-                                      problem.points[static_cast<std::size_t>(o.point)], o) != kInfinity;
-  }
-  S cost = cost_at(false);
+  const auto mark_in_front = [&] {
+    for (std::size_t k = 0; k < observations.size(); ++k) {
+      if (ws.in_front[k] == 0 && chi2(observations[k]) != kInfinity) ws.in_front[k] = 1;
+    }
+  };
+  ws.in_front.assign(observations.size(), 0);
+  mark_in_front();
+  S cost = cost_now().all;
   result.initial_cost = result.final_cost = cost;
   if (!std::isfinite(cost)) return result;
 
@@ -266,11 +280,12 @@ BundleResult<S> bundle_adjust(const Pinhole<S>& camera, const BundleProblem<S>& 
     bool accepted = false;
     if (solve(lambda)) {
       apply();
-      const S trial = cost_at(all_visible);
-      accepted = trial <= cost;
+      const Cost trial = cost_now();
+      accepted = trial.known <= cost;
       if (accepted) {
-        const S decrease = cost - trial;
-        cost = trial;
+        const S decrease = cost - trial.known;
+        mark_in_front();
+        cost = trial.all;
         fresh = true;
         lambda = std::max(lambda * S(0.1), S(1e-10));
         if (decrease <= options.tolerance * cost) {
