@@ -70,7 +70,5 @@ TEST_CASE("the optimum is Ceres' optimum of the same robust cost") {
   }
 }
 #else
-TEST_CASE("the optimum is Ceres' optimum of the same robust cost") {
-  MESSAGE("skipped: Ceres was not found");
-}
+DYNSLAM_SKIP_WITHOUT_CERES("the optimum is Ceres' optimum of the same robust cost")
 #endif

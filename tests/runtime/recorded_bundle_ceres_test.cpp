@@ -15,7 +15,7 @@ using namespace dynslam::runtime;
 
 TEST_CASE("on the windows of a sequence, bundle adjustment ends at Ceres' cost") {
 #ifndef DYNSLAM_HAVE_CERES
-  MESSAGE("skipped: built without Ceres");
+  MESSAGE("SKIPPED: built without Ceres");
 #else
   constexpr std::size_t kFrames = 100, kWindowsWanted = 5;
   test::TemporaryFolder rendered;
