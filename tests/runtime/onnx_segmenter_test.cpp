@@ -5,7 +5,9 @@
 
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
+#include <future>
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -19,6 +21,7 @@
 
 using namespace dynslam;
 using namespace dynslam::runtime;
+namespace fs = std::filesystem;
 
 namespace {
 
@@ -193,6 +196,32 @@ TEST_CASE(
   const auto files = std::distance(std::filesystem::directory_iterator(cache.path), {});
   CHECK(files == 1);  // six times the same image
   CHECK(run(false, 3, {}).size() == 6);
+}
+
+TEST_CASE("runs at the same time share a folder of cached masks") {
+  const test::TemporaryFolder folder, cache;
+  test::write_onnx(folder.path / "colours.onnx", test::colour_network());
+  write_sequence(folder.path / "sequence", 6, scene());
+  const Sequence sequence = load_sequence(folder.path / "sequence");
+  const CameraConfig camera = load_camera("fr3");
+  const auto run = [&] {
+    FrameStream frames(sequence, camera);
+    SegmentationStageOptions o;
+    o.segmenter = options_for(folder.path / "colours.onnx");
+    o.cache = cache.path;
+    SegmentationStage stage(frames, o);
+    int pixels = 0;
+    while (auto next = stage.next()) pixels += cv::countNonZero(next->masks->dynamic);
+    return pixels;
+  };
+  const int alone = run();
+  for (int trial = 0; trial < 5; ++trial) {
+    for (const auto& entry : fs::directory_iterator(cache.path)) fs::remove(entry);
+    std::vector<std::future<int>> runs;
+    for (int k = 0; k < 4; ++k) runs.push_back(std::async(std::launch::async, run));
+    for (auto& result : runs) CHECK(result.get() == alone);  // get() throws what the run threw
+    CHECK(std::distance(fs::directory_iterator(cache.path), {}) == 1);
+  }
 }
 
 TEST_CASE("torchvision's Mask R-CNN answers as in torchvision: boxes, scores and masks of a small one") {

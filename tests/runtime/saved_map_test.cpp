@@ -5,6 +5,7 @@
 #include <doctest/doctest.h>
 
 #include <fstream>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -86,7 +87,8 @@ TEST_CASE("a second session finds itself in the first one's map, in its frame, a
   CHECK(after.points().size() > before.points().size());
   CHECK(fs::file_size(extended / "scans.bin") > fs::file_size(o.map / "scans.bin"));
   CHECK(bytes(extended / "map.ot").size() > 1000);
-  CHECK_FALSE(fs::exists(o.folder.path / "extended.partial"));
+  for (const auto& entry : fs::directory_iterator(o.folder.path))
+    CHECK(entry.path().extension() != ".partial");
 }
 
 TEST_CASE("what is loaded is what was saved") {
@@ -97,7 +99,28 @@ TEST_CASE("what is loaded is what was saved") {
   CHECK(bytes(again / "keyframes.bin") == bytes(o.map / "keyframes.bin"));
   save_slam_map(map, o.camera(), nullptr, again);  // in the place of the one that is there
   CHECK(bytes(again / "keyframes.bin") == bytes(o.map / "keyframes.bin"));
-  CHECK_FALSE(fs::exists(o.folder.path / "again.old"));
+  for (const auto& entry : fs::directory_iterator(o.folder.path)) CHECK(entry.path().extension() != ".old");
+}
+
+TEST_CASE("what another run left beside a map is not published with it, nor removed") {
+  const Office& o = office();
+  const LocalMap map = load_slam_map(o.map, o.camera());
+  test::TemporaryFolder folder;
+  const fs::path target = folder.path / "map";
+  for (const char* name : {"map.partial", "map.old"}) {
+    fs::create_directories(folder.path / name);
+    write(folder.path / name / "map.ot", "of a run that was stopped");
+    write(folder.path / name / "scans.bin", "of a run that was stopped");
+  }
+  check_map_folder(target);
+  save_slam_map(map, o.camera(), nullptr, target);  // without an octree
+  CHECK(fs::exists(target / "keyframes.bin"));
+  CHECK_FALSE(fs::exists(target / "map.ot"));
+  CHECK_FALSE(fs::exists(target / "scans.bin"));
+  save_slam_map(map, o.camera(), nullptr, target);  // replaces the first
+  CHECK(bytes(folder.path / "map.partial" / "map.ot") == "of a run that was stopped");
+  CHECK(bytes(folder.path / "map.old" / "map.ot") == "of a run that was stopped");
+  CHECK(std::distance(fs::directory_iterator(folder.path), {}) == 3);
 }
 
 TEST_CASE("a damaged, foreign or missing map is refused in one line, and nothing of the user's is replaced") {

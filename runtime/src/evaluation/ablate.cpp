@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -17,6 +16,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluation/map_render.hpp"
 #include "dynslam/runtime/evaluation/plot.hpp"
+#include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
@@ -178,13 +178,6 @@ void write_overlays(const Ablation& ablation, const Sequence& sequence, const fs
   if (!rows.empty()) write_image(out / "overlays.png", contact_sheet(rows, captions));
 }
 
-void write_text(const fs::path& path, const std::string& text) {
-  std::ofstream file(path);
-  file << text;
-  file.flush();
-  if (!file) throw InputError(path.string(), 0, "cannot be written");
-}
-
 }  // namespace
 
 Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
@@ -252,9 +245,9 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
     write_image(options.out / "map_height.png",
                 render_map(*tree, view, MapColours::height, -start.rotation_matrix().col(1)));
   }
-  write_text(options.out / "tables.txt", to_text(result));
-  write_text(options.out / "tables.md", to_markdown(result));
-  write_text(options.out / "ablation.json", to_json(result).dump(2) + "\n");
+  write_file(options.out / "tables.txt", to_text(result));
+  write_file(options.out / "tables.md", to_markdown(result));
+  write_file(options.out / "ablation.json", to_json(result).dump(2) + "\n");
   return result;
 }
 

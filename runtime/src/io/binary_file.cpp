@@ -6,6 +6,8 @@
 #include <fstream>
 #include <iterator>
 
+#include "dynslam/runtime/io/atomic_file.hpp"
+
 namespace dynslam::runtime {
 namespace {
 
@@ -23,10 +25,9 @@ void write_binary(const std::filesystem::path& path, std::string_view magic, std
   head.put(version);
   head.put(static_cast<std::uint64_t>(content.bytes().size()));
   head.put(hash_of(content.bytes()));
-  std::ofstream out(path, std::ios::binary);
-  out << magic << '\n' << head.bytes() << content.bytes();
-  out.flush();
-  if (!out) throw InputError(path.string(), 0, "cannot be written");
+  AtomicFile file(path);
+  file.stream() << magic << '\n' << head.bytes() << content.bytes();
+  file.commit();
 }
 
 BinaryReader read_binary(const std::filesystem::path& path, std::string_view magic, std::uint32_t version) {

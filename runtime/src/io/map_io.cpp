@@ -11,9 +11,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
-#include <system_error>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/atomic_file.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -21,25 +21,6 @@ namespace {
 namespace fs = std::filesystem;
 using interop::SemanticOcTree;
 using Node = interop::SemanticOcTreeNode;
-
-/// OctoMap's own file functions print to the terminal when a path cannot be written; its stream functions do
-/// not.
-void write_through_temporary(const fs::path& path, const std::function<void(std::ostream&)>& write) {
-  const fs::path temporary = path.string() + ".tmp";
-  std::error_code error;
-  {
-    std::ofstream out(temporary, std::ios::binary);
-    if (out) write(out);
-    out.flush();
-    if (!out) {
-      out.close();
-      fs::remove(temporary, error);
-      throw InputError(path.string(), 0, "cannot be written");
-    }
-  }
-  fs::rename(temporary, path, error);
-  if (error) throw InputError(path.string(), 0, "cannot be written: " + error.message());
-}
 
 /// Header of OctoMap's files. @param kind  "file" (.ot) or "binary file" (.bt)
 void write_header(std::ostream& out, const SemanticOcTree& tree, const char* kind, const char* type) {
@@ -120,10 +101,12 @@ Rgb voxel_colour(const Node& node) {
 }
 
 void save_map(const SemanticOcTree& tree, const fs::path& path) {
-  write_through_temporary(path, [&](std::ostream& out) {
-    write_header(out, tree, "file", "SemanticOcTree");
-    tree.writeData(out);
-  });
+  // OctoMap's own file functions print to the terminal when a path cannot be written; its stream functions do
+  // not.
+  AtomicFile file(path);
+  write_header(file.stream(), tree, "file", "SemanticOcTree");
+  tree.writeData(file.stream());
+  file.commit();
 }
 
 std::unique_ptr<SemanticOcTree> load_map(const fs::path& path) {
@@ -192,7 +175,9 @@ void export_map(const SemanticOcTree& tree, const fs::path& path) {
       return [&](std::ostream& out) { out << to_json(summarize(tree)).dump(2) << '\n'; };
     throw UsageError(fmt::format("'{}': the extension is none of .ot .bt .ply .txt .json", path.string()));
   }();
-  write_through_temporary(path, writer);
+  AtomicFile file(path);
+  writer(file.stream());
+  file.commit();
 }
 
 MapSummary summarize(const SemanticOcTree& tree) {

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "dynslam/runtime/io/atomic_file.hpp"
 #include "io/binary_file.hpp"
 
 namespace dynslam::runtime {
@@ -22,10 +23,26 @@ constexpr int kMaxOctave = 31;
 static_assert(std::is_trivially_copyable_v<Feature> && sizeof(Feature) == 32);
 static_assert(std::is_trivially_copyable_v<Descriptor> && sizeof(Descriptor) == 32);
 
-fs::path beside(const fs::path& folder, const char* suffix) {
-  const fs::path clean = folder.has_filename() ? folder : folder.parent_path();
-  return clean.string() + suffix;
-}
+/// A folder of its own beside another one, gone with the object. What another run left there is not touched.
+class TemporaryFolder {
+ public:
+  explicit TemporaryFolder(const fs::path& beside) : path_(unused_name_beside(beside, "partial")) {
+    std::error_code error;
+    if (path_.has_parent_path()) fs::create_directories(path_.parent_path(), error);
+    if (!error) fs::create_directory(path_, error);
+    if (error) throw InputError(beside.string(), 0, "cannot be made a folder: " + error.message());
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  [[nodiscard]] const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
 
 void put(BinaryWriter& out, const CameraConfig& camera) {
   const auto& pinhole = camera.model.pinhole();
@@ -140,10 +157,18 @@ MapPoint get_point(BinaryReader& in, int keyframes, int points) {
   return p;
 }
 
-void rename_or_throw(const fs::path& from, const fs::path& to) {
-  std::error_code error;
-  fs::rename(from, to, error);
+/// Puts a folder in the place of another one, which stays where that fails.
+void replace_folder(const fs::path& from, const fs::path& to) {
+  std::error_code error, ignored;
+  const fs::path old = unused_name_beside(to, "old");
+  const bool there = fs::exists(to);
+  if (there) fs::rename(to, old, error);
+  if (!error) {
+    fs::rename(from, to, error);
+    if (error && there) fs::rename(old, to, ignored);
+  }
   if (error) throw InputError(to.string(), 0, "cannot be written: " + error.message());
+  if (there) fs::remove_all(old, ignored);
 }
 
 }  // namespace
@@ -153,9 +178,7 @@ void check_map_folder(const fs::path& folder) {
   if (fs::exists(folder) &&
       !(fs::is_directory(folder) && (fs::is_empty(folder, error) || fs::exists(folder / "keyframes.bin"))))
     throw InputError(folder.string(), 0, "is not a saved map and would be replaced");
-  const fs::path partial = beside(folder, ".partial");
-  fs::create_directories(partial, error);
-  if (error) throw InputError(partial.string(), 0, "cannot be made a folder: " + error.message());
+  const TemporaryFolder probe(folder);  // tells now what would fail at the end
 }
 
 void save_slam_map(const LocalMap& map, const CameraConfig& camera, const SemanticMapper* mapper,
@@ -167,17 +190,13 @@ void save_slam_map(const LocalMap& map, const CameraConfig& camera, const Semant
   out.put(static_cast<std::uint64_t>(map.points().size()));
   for (const Keyframe& k : map.keyframes()) put(out, k);
   for (const MapPoint& p : map.points()) put(out, p);
-  const fs::path partial = beside(folder, ".partial"), old = beside(folder, ".old");
-  write_binary(partial / "keyframes.bin", kMagic, kVersion, out);
+  const TemporaryFolder partial(folder);
+  write_binary(partial.path() / "keyframes.bin", kMagic, kVersion, out);
   if (mapper != nullptr) {
-    mapper->save_scans(partial / "scans.bin");
-    mapper->save(partial / "map.ot");
+    mapper->save_scans(partial.path() / "scans.bin");
+    mapper->save(partial.path() / "map.ot");
   }
-  std::error_code ignored;
-  fs::remove_all(old, ignored);
-  if (fs::exists(folder)) rename_or_throw(folder, old);
-  rename_or_throw(partial, folder);
-  fs::remove_all(old, ignored);
+  replace_folder(partial.path(), folder);
 }
 
 LocalMap load_slam_map(const fs::path& folder, const CameraConfig& camera) {

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <array>
 #include <fstream>
-#include <system_error>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
 
 namespace dynslam::runtime {
@@ -57,22 +57,15 @@ std::vector<StampedPose<double>> read_trajectory(const std::filesystem::path& pa
 }
 
 void write_trajectory(const std::filesystem::path& path, std::span<const StampedPose<double>> trajectory) {
-  const std::filesystem::path temporary = path.string() + ".tmp";
-  {
-    std::ofstream out(temporary);
-    out << "# timestamp tx ty tz qx qy qz qw\n";
-    for (const auto& [t, T] : trajectory) {
-      const auto& p = T.translation();
-      const auto& q = T.so3().quaternion();
-      out << fmt::format("{:.6f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f}\n", t, p.x(), p.y(), p.z(),
-                         q.x(), q.y(), q.z(), q.w());
-    }
-    out.flush();
-    if (!out) throw InputError(path.string(), 0, "cannot be written");
+  AtomicFile file(path);
+  file.stream() << "# timestamp tx ty tz qx qy qz qw\n";
+  for (const auto& [t, T] : trajectory) {
+    const auto& p = T.translation();
+    const auto& q = T.so3().quaternion();
+    file.stream() << fmt::format("{:.6f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f}\n", t, p.x(), p.y(),
+                                 p.z(), q.x(), q.y(), q.z(), q.w());
   }
-  std::error_code error;
-  std::filesystem::rename(temporary, path, error);
-  if (error) throw InputError(path.string(), 0, "cannot be written: " + error.message());
+  file.commit();
 }
 
 }  // namespace dynslam::runtime

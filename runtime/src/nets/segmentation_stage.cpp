@@ -8,8 +8,10 @@
 #include <opencv2/imgcodecs.hpp>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/stopwatch.hpp"
 #include "slam/thread_priority.hpp"
@@ -107,10 +109,10 @@ Masks SegmentationStage::network_masks(const RgbdFrame& frame) {
     return unpack(packed);
   }
   Masks masks = segmenter_.segment(frame.bgr);
-  const auto temporary = options_.cache / fmt::format("{}-{:016x}.tmp.png", cache_key_, hash.value());
-  if (!cv::imwrite(temporary.string(), pack(masks)))
-    throw InputError(temporary.string(), 0, "cannot be written");
-  std::filesystem::rename(temporary, path);
+  // Several runs may share the folder: each sees whole files alone, whoever writes them.
+  std::vector<unsigned char> png;
+  cv::imencode(".png", pack(masks), png);
+  write_file(path, {reinterpret_cast<const char*>(png.data()), png.size()});
   return masks;
 }
 

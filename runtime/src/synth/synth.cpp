@@ -8,7 +8,6 @@
 #include <atomic>
 #include <cmath>
 #include <exception>
-#include <fstream>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -17,6 +16,7 @@
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "synth/synth_render.hpp"
@@ -101,13 +101,6 @@ void check(const SynthOptions& o) {
   if (o.blackout_from < 0 || o.blackout_frames < 0)
     throw UsageError("a blackout cannot begin or last less than 0 frames");
   if (!(o.fps >= 1 && o.fps <= 240)) throw UsageError("--fps must be from 1 to 240");
-}
-
-void write_lines(const fs::path& path, const std::string& text) {
-  std::ofstream out(path);
-  out << text;
-  out.flush();
-  if (!out) throw InputError(path.string(), 0, "cannot be written");
 }
 
 }  // namespace
@@ -218,14 +211,14 @@ void synthesize(const SynthOptions& options, const fs::path& out,
   }
   if (failure) std::rethrow_exception(failure);
 
-  write_lines(out / "rgb.txt", rgb_list);
-  write_lines(out / "depth.txt", depth_list);
-  write_lines(out / "associations.txt", associations);
+  write_file(out / "rgb.txt", rgb_list);
+  write_file(out / "depth.txt", depth_list);
+  write_file(out / "associations.txt", associations);
   write_trajectory(out / "groundtruth.txt", truth);
-  write_lines(out / "camera.txt",
-              fmt::format("name = synthetic\nwidth = {}\nheight = {}\nfx = {}\nfy = {}\ncx = {}\ncy = "
-                          "{}\ndepth_units_per_metre = 5000\n",
-                          kWidth, kHeight, camera.fx(), camera.fy(), camera.cx(), camera.cy()));
+  write_file(out / "camera.txt",
+             fmt::format("name = synthetic\nwidth = {}\nheight = {}\nfx = {}\nfy = {}\ncx = {}\ncy = "
+                         "{}\ndepth_units_per_metre = 5000\n",
+                         kWidth, kHeight, camera.fx(), camera.fy(), camera.cx(), camera.cy()));
   const nlohmann::json options_json{{"seed", options.seed},
                                     {"frames", options.frames},
                                     {"path", options.path},
@@ -238,7 +231,7 @@ void synthesize(const SynthOptions& options, const fs::path& out,
                                     {"blackout_from", options.blackout_from},
                                     {"blackout_frames", options.blackout_frames},
                                     {"fps", options.fps}};
-  write_lines(out / "synth.json", options_json.dump(2) + "\n");
+  write_file(out / "synth.json", options_json.dump(2) + "\n");
 }
 
 }  // namespace dynslam::runtime
