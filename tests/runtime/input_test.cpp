@@ -206,6 +206,34 @@ TEST_CASE("a frame decodes to colour, grey and metres; each kind of damage is to
   }
 }
 
+TEST_CASE("an EXIF orientation does not turn the colours away from depth and masks") {
+  const test::TemporaryFolder folder;
+  cv::Mat image(48, 64, CV_8UC3);
+  for (int v = 0; v < image.rows; ++v) {
+    for (int u = 0; u < image.cols; ++u)
+      image.at<cv::Vec3b>(v, u) = cv::Vec3b::all(static_cast<uchar>(3 * u + v));
+  }
+  std::vector<std::uint8_t> jpeg;
+  cv::imencode(".jpg", image, jpeg);
+  const auto write = [&](const char* name, const std::vector<std::uint8_t>& bytes) {
+    std::ofstream(folder.path / name, std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+    return folder.path / name;
+  };
+  const cv::Mat plain = read_image(write("plain.jpg", jpeg), cv::IMREAD_COLOR);
+  // APP1 behind the start marker: "Exif", a little-endian TIFF header, one entry: tag 0x0112 (orientation),
+  // of type 3 (16 bit), one value, 6: to be shown turned by a quarter.
+  const std::vector<std::uint8_t> app1{0xFF, 0xE1, 0, 34, 'E', 'x', 'i', 'f', 0,    0, 'I', 'I',
+                                       42,   0,    8, 0,  0,   0,   1,   0,   0x12, 1, 3,   0,
+                                       1,    0,    0, 0,  6,   0,   0,   0,   0,    0, 0,   0};
+  jpeg.insert(jpeg.begin() + 2, app1.begin(), app1.end());
+  const fs::path turned = write("turned.jpg", jpeg);
+  REQUIRE(cv::imread(turned.string()).size() == cv::Size(48, 64));  // the tag is there and is understood
+  const cv::Mat read = read_image(turned, cv::IMREAD_COLOR);
+  REQUIRE(read.size() == plain.size());
+  CHECK(cv::norm(read, plain, cv::NORM_INF) == 0);
+}
+
 TEST_CASE("the stream keeps the order and passes broken frames on without stopping") {
   const test::TumFixture tum(12);
   const Sequence sequence = load_sequence(tum.path);

@@ -46,7 +46,8 @@ cv::Mat read_image(const std::filesystem::path& path, int flags) {
   }
   cv::Mat image;
   try {
-    image = cv::imdecode(bytes, flags);
+    // Depth and masks know nothing of an EXIF orientation, by which OpenCV would turn the colours alone.
+    image = cv::imdecode(bytes, flags | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception&) {
     image.release();
   }
