@@ -17,7 +17,7 @@
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
-#include "slam/thread_priority.hpp"
+#include "threads/thread_priority.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -164,6 +164,7 @@ FrameStream::FrameStream(const Sequence& sequence, const CameraConfig& camera, c
     : frames_(sequence.frames),
       camera_(camera),
       options_(options),
+      queue_(options.queue),
       thread_([this](const std::stop_token& stop) { decode(stop); }) {}
 
 void FrameStream::decode(const std::stop_token& stop) {
@@ -177,26 +178,15 @@ void FrameStream::decode(const std::stop_token& stop) {
       if (options_.prepare) options_.prepare(*result.frame);
     } catch (const std::exception& error) {  // a broken frame is the reader's to judge, not the thread's
       result.error = error.what();
+      result.frame.reset();
     }
-    std::unique_lock lock(mutex_);
-    if (!changed_.wait(lock, stop, [&] { return queue_.size() < std::max<std::size_t>(1, options_.queue); }))
-      return;
-    queue_.push_back(std::move(result));
-    changed_.notify_all();
+    if (!queue_.push(std::move(result), stop)) return;
   }
-  const std::lock_guard lock(mutex_);
-  finished_ = true;
-  changed_.notify_all();
+  queue_.close();
 }
 
 std::optional<FrameResult> FrameStream::next() {
-  std::unique_lock lock(mutex_);
-  changed_.wait(lock, [&] { return !queue_.empty() || finished_; });
-  if (queue_.empty()) return std::nullopt;
-  FrameResult result = std::move(queue_.front());
-  queue_.pop_front();
-  changed_.notify_all();
-  return result;
+  return queue_.pop();
 }
 
 }  // namespace dynslam::runtime

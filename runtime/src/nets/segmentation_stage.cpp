@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <exception>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <string_view>
@@ -14,7 +15,7 @@
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/stopwatch.hpp"
-#include "slam/thread_priority.hpp"
+#include "threads/thread_priority.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -87,7 +88,11 @@ Masks unpack(const cv::Mat& packed) {
 }  // namespace
 
 SegmentationStage::SegmentationStage(FrameStream& frames, const SegmentationStageOptions& options)
-    : frames_(frames), options_(options), segmenter_(options.segmenter), keeper_(options.keeper) {
+    : frames_(frames),
+      options_(options),
+      segmenter_(options.segmenter),
+      keeper_(options.keeper),
+      queue_(options.queue) {
   if (!options_.cache.empty()) {
     std::error_code error;
     std::filesystem::create_directories(options_.cache, error);
@@ -137,37 +142,19 @@ std::optional<SegmentedFrame> SegmentationStage::process() {
 }
 
 std::optional<SegmentedFrame> SegmentationStage::next() {
-  if (!options_.async) return process();
-  std::unique_lock lock(mutex_);
-  changed_.wait(lock, [&] { return !queue_.empty() || finished_; });
-  if (queue_.empty()) {
-    if (failure_) std::rethrow_exception(std::exchange(failure_, nullptr));
-    return std::nullopt;
-  }
-  SegmentedFrame out = std::move(queue_.front());
-  queue_.pop_front();
-  changed_.notify_all();
-  return out;
+  return options_.async ? queue_.pop() : process();
 }
 
 void SegmentationStage::work(const std::stop_token& stop) {
   step_back(StepBack::far);
   try {
-    while (!stop.stop_requested()) {
-      auto frame = process();
-      if (!frame) break;
-      std::unique_lock lock(mutex_);
-      if (!changed_.wait(lock, stop, [&] { return queue_.size() < options_.queue; })) return;
-      queue_.push_back(std::move(*frame));
-      changed_.notify_all();
+    while (auto frame = process()) {
+      if (!queue_.push(std::move(*frame), stop)) return;
     }
+    queue_.close();
   } catch (...) {
-    const std::lock_guard lock(mutex_);
-    failure_ = std::current_exception();
+    queue_.close(std::current_exception());
   }
-  const std::lock_guard lock(mutex_);
-  finished_ = true;
-  changed_.notify_all();
 }
 
 }  // namespace dynslam::runtime

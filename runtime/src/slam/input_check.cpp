@@ -8,6 +8,7 @@
 #include <string>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/slam/feature_extractor.hpp"
 
 namespace dynslam::runtime {
 namespace {

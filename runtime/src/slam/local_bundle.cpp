@@ -2,7 +2,7 @@
 #include "dynslam/runtime/slam/local_bundle.hpp"
 
 #include "dynslam/robust/t_distribution.hpp"
-#include "slam/thread_priority.hpp"
+#include "threads/thread_priority.hpp"
 
 namespace dynslam::runtime {
 

@@ -13,7 +13,7 @@
 #include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/mask_reader.hpp"
 #include "io/binary_file.hpp"
-#include "slam/thread_priority.hpp"
+#include "threads/thread_priority.hpp"
 
 namespace dynslam::runtime {
 namespace {

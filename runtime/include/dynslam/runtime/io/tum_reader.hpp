@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <condition_variable>
 #include <cstddef>
-#include <deque>
 #include <filesystem>
 #include <functional>
 #include <istream>
 #include <memory>
-#include <mutex>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -17,9 +14,11 @@
 
 #include "dynslam/eval/trajectory.hpp"
 #include "dynslam/runtime/io/camera.hpp"
-#include "dynslam/runtime/slam/feature_extractor.hpp"
+#include "dynslam/runtime/threads/bounded_queue.hpp"
 
 namespace dynslam::runtime {
+
+struct ImageFeatures;  // of slam/feature_extractor.hpp; reading knows nothing of it
 
 /// One colour image with its depth image.
 struct FrameRecord {
@@ -99,10 +98,7 @@ class FrameStream {
   std::vector<FrameRecord> frames_;
   CameraConfig camera_;
   StreamOptions options_;
-  std::mutex mutex_;
-  std::condition_variable_any changed_;
-  std::deque<FrameResult> queue_;
-  bool finished_ = false;
+  BoundedQueue<FrameResult> queue_;
   std::jthread thread_;  // last: it uses all of the above
 };
 

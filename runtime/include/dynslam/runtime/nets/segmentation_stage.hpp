@@ -1,12 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <condition_variable>
 #include <cstddef>
-#include <deque>
-#include <exception>
 #include <filesystem>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
@@ -14,6 +10,7 @@
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/nets/mask_keeper.hpp"
 #include "dynslam/runtime/nets/onnx_segmenter.hpp"
+#include "dynslam/runtime/threads/bounded_queue.hpp"
 
 namespace dynslam::runtime {
 
@@ -59,11 +56,7 @@ class SegmentationStage {
   OnnxSegmenter segmenter_;
   MaskKeeper keeper_;
   std::string cache_key_;
-  std::mutex mutex_;
-  std::condition_variable_any changed_;
-  std::deque<SegmentedFrame> queue_;
-  std::exception_ptr failure_;
-  bool finished_ = false;
+  BoundedQueue<SegmentedFrame> queue_;
   std::jthread thread_;  // last: it uses all of the above
 };
 

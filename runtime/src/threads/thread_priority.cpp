@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "slam/thread_priority.hpp"
+#include "threads/thread_priority.hpp"
 
 #ifdef __linux__
 #include <sys/resource.h>
