@@ -58,6 +58,67 @@ cv::Vec3f sample(const Texture& texture, const Eigen::Vector2d& uv, double texel
   return out;
 }
 
+/// The nearest triangle of each pixel, and where on its surface.
+struct Raster {
+  cv::Mat inverse_z;  // CV_64FC1
+  cv::Mat id;         // CV_32SC1, -1: nothing
+  cv::Mat where;      // CV_64FC2, metres
+  Raster(int width, int height)
+      : inverse_z(cv::Mat::zeros(height, width, CV_64FC1)),
+        id(height, width, CV_32SC1, cv::Scalar(-1)),
+        where(cv::Mat::zeros(height, width, CV_64FC2)) {}
+
+  /// Fills triangle number `k`, whose corners lie before the camera.
+  void fill(const std::array<Vertex, 3>& v, int k, const Pinhole<double>& camera) {
+    std::array<Eigen::Vector2d, 3> x;
+    for (std::size_t i = 0; i < 3; ++i) {
+      x[i] = {camera.fx() * v[i].p.x() / v[i].p.z() + camera.cx(),
+              camera.fy() * v[i].p.y() / v[i].p.z() + camera.cy()};
+    }
+    const double area = (x[1] - x[0]).x() * (x[2] - x[0]).y() - (x[1] - x[0]).y() * (x[2] - x[0]).x();
+    if (std::abs(area) < 1e-9) return;
+    const int u0 = std::max(0, static_cast<int>(std::ceil(std::min({x[0].x(), x[1].x(), x[2].x()}))));
+    const int u1 =
+        std::min(id.cols - 1, static_cast<int>(std::floor(std::max({x[0].x(), x[1].x(), x[2].x()}))));
+    const int v0 = std::max(0, static_cast<int>(std::ceil(std::min({x[0].y(), x[1].y(), x[2].y()}))));
+    const int v1 =
+        std::min(id.rows - 1, static_cast<int>(std::floor(std::max({x[0].y(), x[1].y(), x[2].y()}))));
+    for (int py = v0; py <= v1; ++py) {
+      for (int px = u0; px <= u1; ++px) {
+        const Eigen::Vector2d q(px, py);
+        const auto edge = [&](std::size_t a, std::size_t b) {
+          return ((x[b] - x[a]).x() * (q - x[a]).y() - (x[b] - x[a]).y() * (q - x[a]).x()) / area;
+        };
+        const double w0 = edge(1, 2), w1 = edge(2, 0), w2 = 1 - w0 - w1;
+        if (w0 < 0 || w1 < 0 || w2 < 0) continue;
+        const double i0 = w0 / v[0].p.z(), i1 = w1 / v[1].p.z(), i2 = w2 / v[2].p.z();
+        const double inverse = i0 + i1 + i2;
+        double& best = inverse_z.at<double>(py, px);
+        if (inverse <= best) continue;
+        best = inverse;
+        id.at<int>(py, px) = k;
+        const Eigen::Vector2d uv = (i0 * v[0].uv + i1 * v[1].uv + i2 * v[2].uv) / inverse;
+        where.at<cv::Vec2d>(py, px) = {uv.x(), uv.y()};
+      }
+    }
+  }
+};
+
+Raster rasterise(std::span<const Triangle> triangles, const Pinhole<double>& camera, const SE3<double>& T_c_w,
+                 int width, int height) {
+  Raster raster(width, height);
+  for (std::size_t k = 0; k < triangles.size(); ++k) {
+    const Triangle& t = triangles[k];
+    std::array<Vertex, 3> in;
+    for (std::size_t i = 0; i < 3; ++i) in[i] = {T_c_w * t.p[i], t.uv[i]};
+    std::array<Vertex, 4> polygon;
+    const int n = clip(in, polygon);
+    for (std::size_t fan = 1; fan + 1 < static_cast<std::size_t>(n); ++fan)
+      raster.fill({polygon[0], polygon[fan], polygon[fan + 1]}, static_cast<int>(k), camera);
+  }
+  return raster;
+}
+
 }  // namespace
 
 Rendering render(std::span<const Triangle> triangles, const std::vector<Texture>& textures,
@@ -72,63 +133,19 @@ Rendering render(std::span<const Triangle> triangles, const std::vector<Texture>
   r.instance = cv::Mat::zeros(height, width, CV_16UC1);
 
   // First the nearest triangle of each pixel, then its colour once.
-  cv::Mat inverse_z = cv::Mat::zeros(height, width, CV_64FC1);
-  cv::Mat id(height, width, CV_32SC1, cv::Scalar(-1));
-  cv::Mat where = cv::Mat::zeros(height, width, CV_64FC2);
-  for (std::size_t k = 0; k < triangles.size(); ++k) {
-    const Triangle& t = triangles[k];
-    std::array<Vertex, 3> in;
-    for (std::size_t i = 0; i < 3; ++i) in[i] = {T_c_w * t.p[i], t.uv[i]};
-    std::array<Vertex, 4> polygon;
-    const int n = clip(in, polygon);
-    for (int fan = 1; fan + 1 < n; ++fan) {
-      const std::array<const Vertex*, 3> v{&polygon[0], &polygon[static_cast<std::size_t>(fan)],
-                                           &polygon[static_cast<std::size_t>(fan) + 1]};
-      std::array<Eigen::Vector2d, 3> x;
-      for (std::size_t i = 0; i < 3; ++i) {
-        x[i] = {camera.fx() * v[i]->p.x() / v[i]->p.z() + camera.cx(),
-                camera.fy() * v[i]->p.y() / v[i]->p.z() + camera.cy()};
-      }
-      const double area = (x[1] - x[0]).x() * (x[2] - x[0]).y() - (x[1] - x[0]).y() * (x[2] - x[0]).x();
-      if (std::abs(area) < 1e-9) continue;
-      const int u0 = std::max(0, static_cast<int>(std::ceil(std::min({x[0].x(), x[1].x(), x[2].x()}))));
-      const int u1 =
-          std::min(width - 1, static_cast<int>(std::floor(std::max({x[0].x(), x[1].x(), x[2].x()}))));
-      const int v0 = std::max(0, static_cast<int>(std::ceil(std::min({x[0].y(), x[1].y(), x[2].y()}))));
-      const int v1 =
-          std::min(height - 1, static_cast<int>(std::floor(std::max({x[0].y(), x[1].y(), x[2].y()}))));
-      for (int py = v0; py <= v1; ++py) {
-        for (int px = u0; px <= u1; ++px) {
-          const Eigen::Vector2d q(px, py);
-          const auto edge = [&](std::size_t a, std::size_t b) {
-            return ((x[b] - x[a]).x() * (q - x[a]).y() - (x[b] - x[a]).y() * (q - x[a]).x()) / area;
-          };
-          const double w0 = edge(1, 2), w1 = edge(2, 0), w2 = 1 - w0 - w1;
-          if (w0 < 0 || w1 < 0 || w2 < 0) continue;
-          const double i0 = w0 / v[0]->p.z(), i1 = w1 / v[1]->p.z(), i2 = w2 / v[2]->p.z();
-          const double inverse = i0 + i1 + i2;
-          double& best = inverse_z.at<double>(py, px);
-          if (inverse <= best) continue;
-          best = inverse;
-          id.at<int>(py, px) = static_cast<int>(k);
-          const Eigen::Vector2d uv = (i0 * v[0]->uv + i1 * v[1]->uv + i2 * v[2]->uv) / inverse;
-          where.at<cv::Vec2d>(py, px) = {uv.x(), uv.y()};
-        }
-      }
-    }
-  }
+  const Raster raster = rasterise(triangles, camera, T_c_w, width, height);
   const Eigen::Matrix3d R = T_c_w.rotation_matrix();
   const Eigen::Vector3d light = Eigen::Vector3d(0.35, -0.5, 0.8).normalized();
   for (int v = 0; v < height; ++v) {
     for (int u = 0; u < width; ++u) {
-      const int k = id.at<int>(v, u);
+      const int k = raster.id.at<int>(v, u);
       if (k < 0) continue;
       const Triangle& t = triangles[static_cast<std::size_t>(k)];
-      const double z = 1.0 / inverse_z.at<double>(v, u);
+      const double z = 1.0 / raster.inverse_z.at<double>(v, u);
       const Eigen::Vector3d ray = camera.ray(Eigen::Vector2d(u, v)).normalized();
       const double cosine = std::abs((R * t.normal).dot(ray));
       const Texture& texture = textures[static_cast<std::size_t>(t.texture)];
-      const auto& uv = where.at<cv::Vec2d>(v, u);
+      const auto& uv = raster.where.at<cv::Vec2d>(v, u);
       const double footprint = z / camera.fx() * texture.texels_per_metre / std::max(0.3, cosine);
       const auto shade = static_cast<float>(0.62 + 0.26 * std::max(0.0, t.normal.dot(light)) +
                                             0.12 * std::max(0.0, t.normal.z()));
