@@ -17,21 +17,14 @@
 #include "dynslam/runtime/evaluation/map_render.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
-#include "dynslam/runtime/io/text_lines.hpp"
 #include "dynslam/semantic/map_query.hpp"
+#include "validators.hpp"
 
 namespace dynslam::app {
 
 namespace {
 
 namespace rt = dynslam::runtime;
-
-CLI::Validator finite() {
-  return {[](std::string& text) {
-            return rt::parse_number(text) ? std::string() : fmt::format("'{}' is not a finite number", text);
-          },
-          ""};
-}
 
 const char* name(Occupancy state) {
   switch (state) {

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "run_command.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <cstddef>
+#include <filesystem>
+#include <iostream>
+#include <string>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/evaluation/ablate.hpp"
+#include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/io/trajectory_io.hpp"
+#include "dynslam/runtime/slam/pipeline.hpp"
+#include "exit_codes.hpp"
+#include "progress_line.hpp"
+#include "validators.hpp"
+
+namespace dynslam::app {
+namespace {
+
+namespace rt = dynslam::runtime;
+
+std::atomic<bool> stop_requested{false};
+
+extern "C" void request_stop(int signal) {
+  stop_requested.store(true);
+  std::signal(signal, SIG_DFL);  // a second Ctrl-C ends the program at once
+}
+
+/// For the commands that save what they have when they are interrupted; the others simply end.
+void stop_on_signals() {
+  std::signal(SIGINT, request_stop);
+  std::signal(SIGTERM, request_stop);
+}
+
+std::string describe(const rt::Progress& p) {
+  return fmt::format("{}/{} frames, {:.1f} frames/s, {:.0f} s left{}", p.done, p.total, p.fps, p.seconds_left,
+                     p.lost > 0 ? fmt::format(", {} without a pose", p.lost) : std::string());
+}
+
+void add_segmentation_options(CLI::App& app, rt::SegmentationStageOptions& s) {
+  app.add_option("--model", s.segmenter.model,
+                 "Segmentation network, FILE.onnx: Mask R-CNN, YOLOv8/11-seg, DeepLab and the like");
+  app.add_option_function<std::string>(
+         "--engine", [&s](const std::string& name) { s.segmenter.engine = *rt::parse_engine(name); },
+         "What runs the network: auto, onnxruntime, opencv")
+      ->default_str("auto")
+      ->check(CLI::IsMember({"auto", "onnxruntime", "opencv"}));
+  app.add_option_function<std::string>(
+         "--model-kind", [&s](const std::string& name) { s.segmenter.kind = *rt::parse_model_kind(name); },
+         "What the network's outputs mean: auto, yolo, mask-rcnn, semantic")
+      ->default_str("auto")
+      ->check(CLI::IsMember({"auto", "yolo", "mask-rcnn", "semantic"}));
+  app.add_option("--dynamic-classes", s.segmenter.dynamic_classes, "Classes that move by themselves")
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--map-classes", s.segmenter.map_classes,
+                 "Classes that the map labels (default: chairs and displays)")
+      ->delimiter(',');
+  app.add_option("--min-score", s.segmenter.detection.min_score, "Score from which a detection counts")
+      ->capture_default_str()
+      ->check(number_in(0.0, 1.0));
+  app.add_option("--network-threads", s.segmenter.threads, "Threads of the network, 1 to 64")
+      ->capture_default_str()
+      ->check(number_in(1, 64));
+  app.add_option("--segment-every", s.every,
+                 "The network sees every so many frames; masks are carried between them")
+      ->capture_default_str()
+      ->check(number_in(1, 1000));
+  app.add_option_function<std::string>(
+         "--segment", [&s](const std::string& how) { s.async = how == "async"; },
+         "sync: before each frame is tracked; async: ahead, on a thread of its own (same results)")
+      ->default_str("async")
+      ->check(CLI::IsMember({"sync", "async"}));
+  app.add_option("--keep-masks", s.keep, "Cut masks to the object's depth and carry missed ones forward")
+      ->capture_default_str();
+  app.add_option("--cache-masks", s.cache, "Folder that keeps the network's masks for the next run");
+}
+
+void add_slam_options(CLI::App& app, rt::RunOptions& o) {
+  app.add_option("--map", o.map, "Build and save map.ot")->capture_default_str();
+  app.add_option("--map-resolution", o.map_resolution, "Edge of a voxel [m], 0.005 to 1")
+      ->capture_default_str()
+      ->check(number_in(0.005, 1.0));
+  app.add_option("--loops", o.tracker.close_loops, "Close loops")->capture_default_str();
+  app.add_option("--load-map", o.load_map, "Go on in the map that an earlier run saved in this folder");
+  app.add_option("--save-map", o.save_map, "Save the map in this folder, for --load-map");
+  app.add_option("--max-frames", o.max_frames, "Stop after so many frames (0: all)")
+      ->capture_default_str()
+      ->check(whole());
+  app.add_option("--seed", o.seed, "Seed of every random choice")->capture_default_str()->check(whole());
+  app.add_option("--features", o.tracker.features.features, "Keypoints per image, 100 to 10000")
+      ->capture_default_str()
+      ->check(number_in(100, 10000));
+  app.add_option("--nu", o.tracker.nu, "Degrees of freedom of the pose optimisation's t-distribution")
+      ->capture_default_str()
+      ->check(positive());
+  app.add_option("--geometry-nu", o.tracker.geometry.nu,
+                 "Degrees of freedom of the static weight's t-distribution")
+      ->capture_default_str()
+      ->check(positive());
+  app.add_option("--tau", o.tracker.geometry.tau, "Static weight below which a keypoint is dynamic")
+      ->capture_default_str()
+      ->check(positive());
+}
+
+void add_run_options(CLI::App& app, rt::RunOptions& o) {
+  app.add_option("sequence", o.sequence, "Folder in TUM RGB-D layout")->required();
+  app.add_option("--out,-o", o.out, "Folder for the results")->required();
+  app.add_option("--camera", o.camera, "fr1, fr2, fr3 or a camera file (default: from the sequence)");
+  app.add_option(
+      "--masks", o.masks,
+      "Folder of a-priori masks, <time stamp>.png: 0/255 masks, labels (8 bit) or instances (16 bit)");
+  add_segmentation_options(app, o.segmentation);
+  add_slam_options(app, o);
+}
+
+/// One line on stderr for all frames without a pose; summary.json lists every one.
+void report_problems(const rt::RunSummary& s, const std::filesystem::path& out,
+                     const std::string& prefix = {}) {
+  if (s.problems.empty()) return;
+  constexpr std::size_t kShown = 2;
+  std::string text = fmt::format("dynslam: warning: {}{} broken and {} lost of {} frames: ", prefix, s.broken,
+                                 s.lost, s.frames);
+  for (std::size_t i = 0; i < std::min(kShown, s.problems.size()); ++i)
+    text += (i > 0 ? "; " : "") + s.problems[i];
+  if (s.problems.size() > kShown) {
+    text += fmt::format("; and {} more, see {}", s.problems.size() - kShown, (out / "summary.json").string());
+  }
+  std::cerr << text << '\n';
+}
+
+int interrupted() {
+  std::cerr << "dynslam: interrupted; what was computed is saved\n";
+  return kInterrupted;
+}
+
+/// ATE and RPE where the sequence has ground truth; what cannot be compared is said, not an error.
+std::string accuracy(const rt::RunOptions& options, const rt::RunSummary& summary) {
+  const auto file = options.sequence / "groundtruth.txt";
+  if (!std::filesystem::exists(file)) return {};
+  try {
+    return rt::to_text(rt::evaluate_trajectory(summary.trajectory, rt::read_trajectory(file),
+                                               (options.out / "trajectory.txt").string(), file.string()));
+  } catch (const rt::InputError& error) {
+    return fmt::format("no ATE and RPE: {}\n", error.what());
+  }
+}
+
+int run_sequence(const rt::RunOptions& options) {
+  stop_on_signals();
+  const rt::RunSummary summary = [&] {
+    ProgressLine line;
+    return rt::run_sequence(options, stop_requested, [&](const rt::Progress& p) { line.show(describe(p)); });
+  }();
+  report_problems(summary, options.out);
+  std::cout << fmt::format("{} of {} frames tracked ({} lost, {} broken), {:.1f} frames/s; results in {}\n",
+                           summary.tracked, summary.frames, summary.lost, summary.broken, summary.fps,
+                           options.out.string())
+            << accuracy(options, summary);
+  return summary.interrupted ? interrupted() : 0;
+}
+
+int ablate_sequence(const rt::RunOptions& options) {
+  stop_on_signals();
+  const rt::Ablation ablation = [&] {
+    ProgressLine line;
+    return rt::ablate(options, stop_requested, [&](rt::DynamicsMode mode, const rt::Progress& p) {
+      line.show(fmt::format("{}: {}", rt::to_string(mode), describe(p)));
+    });
+  }();
+  for (const rt::AblationRow& row : ablation.rows) {
+    const std::string mode(rt::to_string(row.mode));
+    report_problems(row.run, options.out / mode, mode + ": ");
+  }
+  if (!ablation.rows.empty()) {
+    std::cout << rt::to_text(ablation)
+              << fmt::format("\ntables, plots, overlays and maps are in {}\n", options.out.string());
+  }
+  return ablation.interrupted ? interrupted() : 0;
+}
+
+}  // namespace
+
+struct RunCommand::Options {
+  CLI::App* command = nullptr;
+  rt::RunOptions run;
+  std::string dynamics = "both";
+};
+
+RunCommand::RunCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
+  Options& o = *o_;
+  o.command = app.add_subcommand("run", "Track a sequence: trajectory, masks, map, timings");
+  add_run_options(*o.command, o.run);
+  o.command->add_option("--dynamics", o.dynamics, "Masks to use: none, semantic, geometric, both")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"none", "semantic", "geometric", "both"}));
+  o.command->add_flag("--save-masks", o.run.save_masks, "Write the dynamic masks (255 = dynamic)");
+}
+
+RunCommand::~RunCommand() = default;
+
+bool RunCommand::chosen() const {
+  return o_->command->parsed();
+}
+
+int RunCommand::run() const {
+  rt::RunOptions options = o_->run;
+  options.dynamics = *rt::parse_dynamics(o_->dynamics);
+  return run_sequence(options);
+}
+
+struct AblateCommand::Options {
+  CLI::App* command = nullptr;
+  rt::RunOptions run;
+};
+
+AblateCommand::AblateCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
+  o_->command = app.add_subcommand("ablate", "Run a sequence in all modes: tables, plots, overlays");
+  add_run_options(*o_->command, o_->run);
+}
+
+AblateCommand::~AblateCommand() = default;
+
+bool AblateCommand::chosen() const {
+  return o_->command->parsed();
+}
+
+int AblateCommand::run() const {
+  return ablate_sequence(o_->run);
+}
+
+}  // namespace dynslam::app

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+
+namespace dynslam::app {
+
+/// `dynslam run`: tracks a sequence.
+class RunCommand {
+ public:
+  explicit RunCommand(CLI::App& app);
+  ~RunCommand();
+  [[nodiscard]] bool chosen() const;
+  /// @return exit code @throws InputError, UsageError
+  [[nodiscard]] int run() const;
+
+ private:
+  struct Options;
+  std::unique_ptr<Options> o_;
+};
+
+/// `dynslam ablate`: runs a sequence in all modes.
+class AblateCommand {
+ public:
+  explicit AblateCommand(CLI::App& app);
+  ~AblateCommand();
+  [[nodiscard]] bool chosen() const;
+  /// @return exit code @throws InputError, UsageError
+  [[nodiscard]] int run() const;
+
+ private:
+  struct Options;
+  std::unique_ptr<Options> o_;
+};
+
+}  // namespace dynslam::app

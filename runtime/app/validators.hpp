@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace dynslam::app {
+
+/// A finite number; unlike CLI11's own, these refuse NaN.
+[[nodiscard]] CLI::Validator finite();
+/// A finite number within [low, high].
+[[nodiscard]] CLI::Validator number_in(double low, double high);
+/// A finite number above 0.
+[[nodiscard]] CLI::Validator positive();
+/// A whole number from 0; CLI11 would turn -1 into 2^64 - 1.
+[[nodiscard]] CLI::Validator whole();
+
+}  // namespace dynslam::app
