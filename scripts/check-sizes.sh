@@ -1,0 +1,56 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
+#
+# Says which files of include/, runtime/, examples/ and bench/ are longer than 400 lines, and which functions longer
+# than 80; exits with 1 where there are any. It reads the layout that clang-format gives: a function begins with a
+# line that is indented less than what follows and ends in "{", and ends with a "}" of the same indentation.
+#
+#   scripts/check-sizes.sh [FOLDER...]
+#
+# Environment: MAX_FILE, MAX_FUNCTION other limits; EXPECT_FAULTS so many faults are a success (for its own test).
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+max_file=${MAX_FILE:-400} max_function=${MAX_FUNCTION:-80}
+[ $# -gt 0 ] || set -- include runtime examples bench
+
+faults=$(find "$@" -name '*.hpp' -o -name '*.cpp' | sort | xargs awk -v max_file="$max_file" -v max_function="$max_function" '
+  function report(text) { print text }
+  FNR == 1 {
+    if (file != "" && lines > max_file) report(file ": " lines " lines, at most " max_file)
+    file = FILENAME
+    depth = 0
+  }
+  { lines = FNR; sub(/[ ]+\/\/ .*$/, "") }
+  # What is being declared: the lines since the last one that ended something.
+  /^[ ]*(\/\/|#|$)/ { next }
+  {
+    indent = match($0, /[^ ]/) - 1
+    if (declaration == "") { declaration_line = FNR; declaration_indent = indent }
+    declaration = declaration $0
+  }
+  /^[ ]*\}/ {
+    if (depth > 0 && indent == open_indent[depth]) {
+      if (is_function[depth] && FNR - open_line[depth] + 1 > max_function)
+        report(FILENAME ":" open_line[depth] ": a function of " (FNR - open_line[depth] + 1) " lines, at most " max_function)
+      --depth
+      if ($0 !~ /\{$/) { declaration = ""; next }
+    }
+  }
+  /\{$/ {
+    # Not in a function: a namespace, a type or a function opens here. In a function its end is all that counts.
+    if (depth == 0 || !is_function[depth]) {
+      ++depth
+      open_indent[depth] = declaration_indent
+      open_line[depth] = declaration_line
+      is_function[depth] = declaration ~ /\)/ &&
+        declaration !~ /^[ ]*(template <.*>[ ]*)?(inline )?(namespace|class|struct|enum|union|extern)[ {]/
+    }
+    declaration = ""
+    next
+  }
+  /[;}]$/ || /^[ ]*(public|private|protected):/ { declaration = "" }
+  END {
+    if (lines > max_file) report(file ": " lines " lines, at most " max_file)
+  }')
+[ -z "$faults" ] || echo "$faults"
+[ "$(grep -c . <<< "$faults")" -eq "${EXPECT_FAULTS:-0}" ]
