@@ -5,7 +5,6 @@
 #include <sys/resource.h>
 
 #include <exception>
-#include <fstream>
 #include <functional>
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
@@ -13,6 +12,7 @@
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/runtime/io/saved_map.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
@@ -32,13 +32,6 @@ double peak_rss_mb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return static_cast<double>(usage.ru_maxrss) / 1024.0;
-}
-
-void write_text(const fs::path& path, const std::string& text) {
-  std::ofstream out(path);
-  out << text;
-  out.flush();
-  if (!out) throw InputError(path.string(), 0, "cannot be written");
 }
 
 void make_folder(const fs::path& path) {
@@ -166,7 +159,7 @@ Run::Run(const RunOptions& options)
 /// The output is proven writable before hours are spent on computing it.
 void Run::prepare_outputs() {
   make_folder(options_.out);
-  write_text(options_.out / "summary.json", "{}\n");
+  write_file(options_.out / "summary.json", "{}\n");
   if (options_.save_masks) make_folder(options_.out / "masks");
 }
 
@@ -273,7 +266,7 @@ void Run::write_files(const std::vector<StampedPose<double>>& keyframes) {
   attempt([&] { write_trajectory(options_.out / "trajectory.txt", summary_.trajectory); });
   attempt([&] { write_trajectory(options_.out / "keyframes.txt", keyframes); });
   attempt([&] { timings_.write(options_.out / "timings.csv"); });
-  attempt([&] { write_text(options_.out / "summary.json", summary_json(options_, camera_, summary_)); });
+  attempt([&] { write_file(options_.out / "summary.json", summary_json(options_, camera_, summary_)); });
 }
 
 RunSummary Run::summary() {

@@ -4,15 +4,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
+#include <ostream>
 #include <utility>
 
-#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/atomic_file.hpp"
 
 namespace dynslam::runtime {
 
 void RunTimings::write(const std::filesystem::path& path) const {
-  std::ofstream out(path);
+  AtomicFile file(path);
+  std::ostream& out = file.stream();
   out << "timestamp";
   for (const auto name : kStageNames) out << ',' << name;
   out << ",network,mask_keeper,frame\n";
@@ -21,8 +22,7 @@ void RunTimings::write(const std::filesystem::path& path) const {
     for (const double ms : row.times) out << fmt::format(",{:.3f}", ms);
     out << fmt::format(",{:.3f},{:.3f},{:.3f}\n", row.network_ms, row.keeper_ms, row.frame_ms);
   }
-  out.flush();
-  if (!out) throw InputError(path.string(), 0, "cannot be written");
+  file.commit();
 }
 
 std::map<std::string, StageStatistics> RunTimings::statistics() const {
