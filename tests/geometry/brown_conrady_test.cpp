@@ -38,7 +38,7 @@ TEST_CASE("the distortion's Jacobian equals central differences") {
     const Eigen::Vector2d n(rng.uniform(-0.6, 0.6), rng.uniform(-0.5, 0.5));
     BrownConrady<double>::Matrix2 J;
     (void)kFr1Lens.distort(n, &J);
-    const auto f = [](const Eigen::Vector2d& m) -> Eigen::Vector2d { return kFr1Lens.distort(m); };
+    const auto f = [](const Eigen::Vector2d& m) -> Eigen::Vector2d { return *kFr1Lens.distort(m); };
     CHECK(test::relative_error(J, test::central_differences<2, 2>(f, n)) < 1e-8);
   }
 }
@@ -47,6 +47,67 @@ TEST_CASE("a point far outside the lens' field has no inverse instead of a wrong
   const BrownConrady<double> folding(-0.5, 0, 0, 0, 0);  // r (1 - r^2 / 2) never exceeds 0.55
   CHECK_FALSE(folding.undistort(Eigen::Vector2d(0.9, 0.0)));
   CHECK(folding.undistort(Eigen::Vector2d(0.3, 0.1)));
+}
+
+TEST_CASE_TEMPLATE(
+    "what is beyond the fold of a lens has no pixel, and no pixel has a ray from there (k1 = -0.5)", S, float,
+    double) {
+  const Pinhole<S> pinhole(S(500), S(500), S(320), S(240));
+  const PinholeBrownConrady<S> camera(pinhole, BrownConrady<S>(S(-0.5), S(0), S(0), S(0), S(0)));
+  CHECK(camera.distortion().valid_radius() == doctest::Approx(std::sqrt(2.0 / 3)).epsilon(1e-6));
+  // x / z = 1.5 leads to 1.5 (1 - 0.5 2.25) = -0.19, in the middle of the image.
+  CHECK_FALSE(camera.project({S(1.5), S(0), S(1)}));
+  CHECK_FALSE(camera.distort_pixel({S(320 + 500 * 1.5), S(240)}));
+  CHECK(camera.project({S(0.8), S(0), S(1)}));
+  CHECK_FALSE(camera.project({S(0.83), S(0), S(1)}));
+  CHECK_FALSE(camera.unproject({S(320 + 500 * 0.56), S(240)}, S(1)));  // the lens ends at 0.544
+  for (double n = 0.01; n < 0.81; n += 0.01) {  // up to the fold the inverse is the near one
+    const auto x = camera.project({S(n * 0.6), S(n * 0.8), S(1)});
+    REQUIRE(x);
+    const auto p = camera.unproject(*x, S(1));
+    REQUIRE(p);
+    CHECK(static_cast<double>((*p - Eigen::Matrix<S, 3, 1>(S(n * 0.6), S(n * 0.8), S(1))).norm()) <
+          (std::is_same_v<S, float> ? 3e-4 : 1e-9));
+  }
+}
+
+TEST_CASE("an inverse on the far side of a fold is refused for the one in the field, with tangential terms") {
+  test::Rng rng("folds");
+  int folds = 0, solved = 0, near_edge = 0;
+  for (int k = 0; k < 3000; ++k) {
+    const BrownConrady<double> lens(rng.uniform(-0.6, 0.3), rng.uniform(-0.5, 0.5), rng.uniform(-0.01, 0.01),
+                                    rng.uniform(-0.01, 0.01), rng.uniform(-0.5, 0.5));
+    const double edge = std::min(1.2, lens.valid_radius());
+    folds += lens.valid_radius() < 1.2 ? 1 : 0;
+    const double r = edge * std::sqrt(rng.uniform()), a = rng.uniform(-3.2, 3.2);
+    const Eigen::Vector2d n(r * std::cos(a), r * std::sin(a));
+    const auto d = lens.distort(n);
+    if (!d) {  // folded by p1, p2 just inside the radius
+      ++near_edge;
+      continue;
+    }
+    const auto back = lens.undistort(*d);
+    if (back && (*back - n).norm() < 1e-6) ++solved;
+    if (back) CHECK(back->norm() < lens.valid_radius());
+  }
+  CHECK(folds > 1000);
+  CHECK(near_edge < 300);
+  CHECK(solved > 0.99 * (3000 - near_edge));
+}
+
+TEST_CASE("the derivative by k1 at 0 is r^2 f x / z, not nothing") {
+  using Dual = Eigen::AutoDiffScalar<Eigen::Matrix<double, 1, 1>>;
+  const Pinhole<Dual> pinhole(Dual(500), Dual(500), Dual(320), Dual(240));
+  const BrownConrady<Dual> lens(Dual(0.0, 1, 0), Dual(0), Dual(0), Dual(0), Dual(0));
+  const PinholeBrownConrady<Dual> camera(pinhole, lens);
+  const auto x = camera.project({Dual(0.5), Dual(0), Dual(1)});
+  REQUIRE(x);
+  CHECK(x->x().value() == doctest::Approx(570));
+  CHECK(x->x().derivatives()(0) == doctest::Approx(62.5));
+  // The way back: the ray of the recorded pixel turns inwards.
+  const auto ideal = camera.undistort_pixel({Dual(570), Dual(240)});
+  REQUIRE(ideal);
+  CHECK(ideal->x().derivatives()(0) == doctest::Approx(-62.5));
 }
 
 TEST_CASE_TEMPLATE("unproject inverts project behind fr1's lens", S, float, double) {

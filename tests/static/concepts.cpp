@@ -80,6 +80,8 @@ static_assert(CameraModel<dynslam::PinholeBrownConrady<double>>);
 static_assert(DifferentiableCamera<dynslam::Pinhole<float>>);
 static_assert(DifferentiableCamera<dynslam::PinholeBrownConrady<float>>);
 static_assert(DifferentiableCamera<dynslam::PinholeBrownConrady<Eigen::AutoDiffScalar<Eigen::Vector3d>>>);
+static_assert(DifferentiableCamera<dynslam::KannalaBrandt<float>>);
+static_assert(DifferentiableCamera<dynslam::KannalaBrandt<Eigen::AutoDiffScalar<Eigen::Vector3d>>>);
 static_assert(!CameraModel<Eigen::Matrix3d>);
 static_assert(!CameraModel<dynslam::SE3<double>>);
 

@@ -39,6 +39,29 @@ concept Scalar = !std::integral<T> && std::copyable<T> && std::constructible_fro
   { a < b } -> std::convertible_to<bool>;
 };
 
+/// The plain number in a scalar, without its derivatives, for decisions that cannot be differentiated (which
+/// pixel, which branch, whether something is finite). Eigen::AutoDiffScalar and ceres::Jet are known; for
+/// another type declare `double scalar_value(const T&)` in its namespace.
+template <class T>
+[[nodiscard]] constexpr double to_double(const T& x) {
+  if constexpr (std::floating_point<T>) {
+    return static_cast<double>(x);
+  } else if constexpr (requires {
+                         { scalar_value(x) } -> std::convertible_to<double>;
+                       }) {
+    return scalar_value(x);
+  } else if constexpr (requires { x.derivatives(); }) {
+    return to_double(x.value());  // Eigen::AutoDiffScalar, also of dual numbers
+  } else if constexpr (requires {
+                         x.a;
+                         x.v;
+                       }) {
+    return to_double(x.a);  // ceres::Jet
+  } else {
+    return static_cast<double>(x);
+  }
+}
+
 /// An Eigen expression of the fixed shape R x C.
 template <class D, int R, int C = 1>
 concept FixedMatrix = requires(const D& d) {

@@ -2,14 +2,23 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cmath>
+#include <concepts>
+#include <limits>
 #include <optional>
 
+#include "dynslam/geometry/first_root.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 
 namespace dynslam {
 
 /// Brown-Conrady lens distortion of normalised coordinates, in OpenCV's order and sign:
 /// x_d = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + [2 p1 x y + p2 (r^2 + 2 x^2), p1 (r^2 + 2 y^2) + 2 p2 x y].
+///
+/// The polynomial describes a lens only up to the radius where it turns back (d r_d / d r = 0); beyond, it
+/// would put what lies outside the field into the image. The field is what is within valid_radius() and,
+/// which differs with p1 and p2 only, not folded over (a Jacobian with a positive determinant).
 template <Scalar S>
 class BrownConrady {
  public:
@@ -18,44 +27,44 @@ class BrownConrady {
   using Matrix2 = Eigen::Matrix<S, 2, 2>;
 
   BrownConrady() = default;  ///< no distortion
-  BrownConrady(S k1, S k2, S p1, S p2, S k3) : k1_(k1), k2_(k2), p1_(p1), p2_(p2), k3_(k3) {}
-
-  [[nodiscard]] bool is_identity() const {
-    return k1_ == S(0) && k2_ == S(0) && p1_ == S(0) && p2_ == S(0) && k3_ == S(0);
+  BrownConrady(S k1, S k2, S p1, S p2, S k3) : k1_(k1), k2_(k2), p1_(p1), p2_(p2), k3_(k3) {
+    constexpr double kWidest = 1e4;  // r^2 at 89.4 degrees from the axis: no such lens is calibrated
+    valid_r2_ = detail::first_root(
+        std::array{1.0, 3.0 * to_double(k1), 5.0 * to_double(k2), 7.0 * to_double(k3)}, kWidest);
   }
 
-  [[nodiscard]] Vector2 distort(const Vector2& x) const { return distort(x, nullptr); }
+  /// Whether all coefficients are plain zeros. Dual numbers never are: their derivatives count.
+  [[nodiscard]] bool is_identity() const {
+    if constexpr (std::floating_point<S>) {
+      return k1_ == S(0) && k2_ == S(0) && p1_ == S(0) && p2_ == S(0) && k3_ == S(0);
+    } else {
+      return false;
+    }
+  }
+
+  /// Radius of the field in normalised coordinates, the tangent of its angle; infinite where nothing folds.
+  [[nodiscard]] double valid_radius() const { return std::sqrt(valid_r2_); }
+
+  /// Distorted coordinates; nullopt outside the field.
+  [[nodiscard]] std::optional<Vector2> distort(const Vector2& x) const { return distort(x, nullptr); }
 
   /// With the derivative d x_d / d x where `J` is given.
-  [[nodiscard]] Vector2 distort(const Vector2& n, Matrix2* J) const {
-    const S x = n.x(), y = n.y();
-    const S xx = x * x, yy = y * y, xy = x * y, r2 = xx + yy;
-    const S radial = S(1) + r2 * (k1_ + r2 * (k2_ + r2 * k3_));
-    if (J != nullptr) {
-      const S slope = S(2) * (k1_ + r2 * (S(2) * k2_ + r2 * S(3) * k3_));  // d radial / d r2, times 2
-      const S cross = slope * xy + S(2) * p1_ * x + S(2) * p2_ * y;
-      *J << radial + slope * xx + S(2) * p1_ * y + S(6) * p2_ * x, cross, cross,
-          radial + slope * yy + S(6) * p1_ * y + S(2) * p2_ * x;
-    }
-    return Vector2(x * radial + S(2) * p1_ * xy + p2_ * (r2 + S(2) * xx),
-                   y * radial + p1_ * (r2 + S(2) * yy) + S(2) * p2_ * xy);
+  [[nodiscard]] std::optional<Vector2> distort(const Vector2& n, Matrix2* J) const {
+    Matrix2 slope;
+    const Vector2 d = evaluate(n, slope);
+    if (!in_field(n, slope)) return std::nullopt;
+    if (J != nullptr) *J = slope;
+    return d;
   }
 
-  /// Inverse by Newton's method; nullopt where it does not converge (outside the lens' valid field).
+  /// Inverse by Newton's method; nullopt where there is none in the field.
   [[nodiscard]] std::optional<Vector2> undistort(const Vector2& d) const {
     if (is_identity()) return d;
-    const S tolerance = S(64) * Eigen::NumTraits<S>::epsilon();
-    Vector2 x = d;
-    for (int i = 0; i < 20; ++i) {
-      Matrix2 J;
-      const Vector2 error = distort(x, &J) - d;
-      if (error.squaredNorm() <= tolerance * tolerance) return x;
-      const S determinant = J(0, 0) * J(1, 1) - J(0, 1) * J(1, 0);
-      if (!(S(1e-6) < determinant)) return std::nullopt;  // folded over: no inverse here
-      x -= Vector2(J(1, 1) * error.x() - J(0, 1) * error.y(), J(0, 0) * error.y() - J(1, 0) * error.x()) /
-           determinant;
-    }
-    return distort(x).isApprox(d, S(100) * tolerance) ? std::optional<Vector2>(x) : std::nullopt;
+    if (const auto x = newton(d, d)) return x;
+    // A steep lens throws the first step out of the field: begin again near the solution, which is at the
+    // place along the radius where the radial part alone has it.
+    const auto x = on_radius(d);
+    return x ? newton(d, *x) : std::nullopt;
   }
 
   template <Scalar T>
@@ -68,7 +77,62 @@ class BrownConrady {
   }
 
  private:
+  [[nodiscard]] S radial(const S& r2) const { return S(1) + r2 * (k1_ + r2 * (k2_ + r2 * k3_)); }
+
+  [[nodiscard]] Vector2 evaluate(const Vector2& n, Matrix2& J) const {
+    const S x = n.x(), y = n.y();
+    const S xx = x * x, yy = y * y, xy = x * y, r2 = xx + yy;
+    const S factor = radial(r2);
+    const S slope = S(2) * (k1_ + r2 * (S(2) * k2_ + r2 * S(3) * k3_));  // d factor / d r2, times 2
+    const S cross = slope * xy + S(2) * p1_ * x + S(2) * p2_ * y;
+    J << factor + slope * xx + S(2) * p1_ * y + S(6) * p2_ * x, cross, cross,
+        factor + slope * yy + S(6) * p1_ * y + S(2) * p2_ * x;
+    return Vector2(x * factor + S(2) * p1_ * xy + p2_ * (r2 + S(2) * xx),
+                   y * factor + p1_ * (r2 + S(2) * yy) + S(2) * p2_ * xy);
+  }
+
+  [[nodiscard]] static S determinant(const Matrix2& J) { return J(0, 0) * J(1, 1) - J(0, 1) * J(1, 0); }
+
+  /// A determinant of 1e-6 means that a pixel of the recorded image is seen a thousand times enlarged.
+  [[nodiscard]] bool in_field(const Vector2& n, const Matrix2& J) const {
+    return n.squaredNorm() < S(valid_r2_) && S(1e-6) < determinant(J);
+  }
+
+  [[nodiscard]] std::optional<Vector2> newton(const Vector2& d, Vector2 x) const {
+    const S tolerance = S(64) * Eigen::NumTraits<S>::epsilon();
+    Matrix2 J;
+    for (int i = 0; i < 20; ++i) {
+      const Vector2 error = evaluate(x, J) - d;
+      const bool solved = error.squaredNorm() <= tolerance * tolerance;
+      if (solved && std::floating_point<S>) return in_field(x, J) ? std::optional<Vector2>(x) : std::nullopt;
+      const S det = determinant(J);
+      if (!(S(1e-6) < det)) return std::nullopt;  // folded over: no inverse here
+      x -=
+          Vector2(J(1, 1) * error.x() - J(0, 1) * error.y(), J(0, 0) * error.y() - J(1, 0) * error.x()) / det;
+      // The derivatives of dual numbers arrive with the step after the value's last.
+      if (solved) return in_field(x, J) ? std::optional<Vector2>(x) : std::nullopt;
+    }
+    const Vector2 again = evaluate(x, J);
+    return again.isApprox(d, S(100) * tolerance) && in_field(x, J) ? std::optional<Vector2>(x) : std::nullopt;
+  }
+
+  /// The point on the ray of `d` whose radial distortion alone leads to |d|, by bisection of the field;
+  /// nullopt where nothing folds (Newton's method has had its chance) or |d| is far beyond the field.
+  [[nodiscard]] std::optional<Vector2> on_radius(const Vector2& d) const {
+    using std::sqrt;
+    const S r_d = sqrt(d.squaredNorm());
+    if (!std::isfinite(valid_r2_) || !(S(0) < r_d)) return std::nullopt;
+    // Tangential terms may lead a little beyond the largest radial distortion: begin just inside.
+    S low = S(0), high = S(0.98) * sqrt(S(valid_r2_));
+    for (int i = 0; i < 12; ++i) {  // to 1 / 4096 of the field: Newton's method does the rest
+      const S middle = S(0.5) * (low + high);
+      (middle * radial(middle * middle) < r_d ? low : high) = middle;
+    }
+    return Vector2(d * (high / r_d));
+  }
+
   S k1_ = S(0), k2_ = S(0), p1_ = S(0), p2_ = S(0), k3_ = S(0);
+  double valid_r2_ = std::numeric_limits<double>::infinity();
 };
 
 /// A pinhole camera behind a lens of Brown and Conrady; its pixels are those of the image as recorded.
@@ -88,21 +152,22 @@ class PinholeBrownConrady {
   [[nodiscard]] const Pinhole<S>& pinhole() const { return pinhole_; }
   [[nodiscard]] const BrownConrady<S>& distortion() const { return distortion_; }
 
-  /// Recorded pixel of a camera-frame point; nullopt behind the camera.
+  /// Recorded pixel of a camera-frame point; nullopt behind the camera and outside the lens' field.
   [[nodiscard]] std::optional<Vector2> project(const Vector3& p) const { return project(p, nullptr); }
   /// The same with the derivative d x / d p (2 x 3) where `J` is given.
   [[nodiscard]] std::optional<Vector2> project(const Vector3& p, Jacobian* J) const {
     const auto ideal = pinhole_.project(p, J);
     if (!ideal || distortion_.is_identity()) return ideal;
     Matrix2 lens;
-    const Vector2 n = distortion_.distort(to_normalised(*ideal), J != nullptr ? &lens : nullptr);
+    const auto n = distortion_.distort(to_normalised(*ideal), J != nullptr ? &lens : nullptr);
+    if (!n) return std::nullopt;
     if (J != nullptr) {  // in pixels: diag(f) lens diag(f)^-1
       const S aspect = pinhole_.fx() / pinhole_.fy();
       lens(0, 1) *= aspect;
       lens(1, 0) /= aspect;
       *J = lens * *J;
     }
-    return to_pixel(n);
+    return to_pixel(*n);
   }
   /// Camera-frame point of a recorded pixel at depth z [m]; nullopt outside the lens' valid field.
   [[nodiscard]] std::optional<Vector3> unproject(const Vector2& x, const S& z) const {
@@ -114,7 +179,9 @@ class PinholeBrownConrady {
   /// Ideal pinhole pixel to recorded pixel; nullopt outside the lens' valid field.
   [[nodiscard]] std::optional<Vector2> distort_pixel(const Vector2& ideal) const {
     if (distortion_.is_identity()) return ideal;
-    return to_pixel(distortion_.distort(to_normalised(ideal)));
+    const auto n = distortion_.distort(to_normalised(ideal));
+    if (!n) return std::nullopt;
+    return to_pixel(*n);
   }
   /// Recorded pixel to ideal pinhole pixel; nullopt outside the lens' valid field.
   [[nodiscard]] std::optional<Vector2> undistort_pixel(const Vector2& x) const {

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "dynslam/concepts/camera.hpp"
+#include "dynslam/concepts/scalar.hpp"
+#include "dynslam/geometry/first_root.hpp"
+
+namespace dynslam {
+
+/// Fisheye camera after Kannala and Brandt (2006) with OpenCV's four coefficients: a ray at the angle theta
+/// from the optical axis is imaged at the distance f theta_d from the centre,
+///
+///     theta_d = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8).
+///
+/// Promised for angles below 90 degrees and below max_angle(), where the curve turns back: points with
+/// z <= 1e-6 m have no pixel, and pixels farther out no point, because a depth along the optical axis says
+/// nothing about them. What a lens sees at 90 degrees and beyond is left unused.
+template <Scalar S>
+class KannalaBrandt {
+ public:
+  using ScalarType = S;
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+  using Vector4 = Eigen::Matrix<S, 4, 1>;
+  using Jacobian = Eigen::Matrix<S, 2, 3>;
+
+  KannalaBrandt() : KannalaBrandt(S(1), S(1), S(0), S(0), Vector4(S(0), S(0), S(0), S(0))) {}
+  /// @param fx, fy, cx, cy  pixels
+  /// @param k               k1 ... k4, radians
+  KannalaBrandt(S fx, S fy, S cx, S cy, const Vector4& k) : fx_(fx), fy_(fy), cx_(cx), cy_(cy), k_(k) {
+    constexpr double kRightAngle = 0.5 * std::numbers::pi;
+    const double t = detail::first_root(std::array{1.0, 3.0 * to_double(k(0)), 5.0 * to_double(k(1)),
+                                                   7.0 * to_double(k(2)), 9.0 * to_double(k(3))},
+                                        kRightAngle * kRightAngle);
+    max_angle_ = std::min(kRightAngle, std::sqrt(t));
+  }
+
+  [[nodiscard]] const S& fx() const { return fx_; }
+  [[nodiscard]] const S& fy() const { return fy_; }
+  [[nodiscard]] const S& cx() const { return cx_; }
+  [[nodiscard]] const S& cy() const { return cy_; }
+  [[nodiscard]] const Vector4& coefficients() const { return k_; }
+  /// Angle from the optical axis up to which the camera is one-to-one [rad], at most pi / 2.
+  [[nodiscard]] double max_angle() const { return max_angle_; }
+
+  /// Pixel of a camera-frame point; nullopt beyond max_angle() and for z <= 1e-6 m.
+  [[nodiscard]] std::optional<Vector2> project(const Vector3& p) const { return project(p, nullptr); }
+
+  /// The same with the derivative d x / d p (2 x 3) where `J` is given.
+  [[nodiscard]] std::optional<Vector2> project(const Vector3& p, Jacobian* J) const {
+    if (!(S(1e-6) < p.z())) return std::nullopt;
+    const S inverse = S(1) / p.z();
+    const S x = p.x() * inverse, y = p.y() * inverse, q = x * x + y * y;
+    const Curve curve = at(q);
+    if (!(curve.theta2 < S(max_angle_ * max_angle_))) return std::nullopt;
+    const S scale = curve.scale;  // x_d = scale x
+    if (J != nullptr) {
+      const S xx = S(2) * curve.slope * x * x, yy = S(2) * curve.slope * y * y;
+      const S xy = S(2) * curve.slope * x * y;
+      const S radial = scale + S(2) * curve.slope * q;  // along the ray, x_d changes by this
+      *J << fx_ * inverse * (scale + xx), fx_ * inverse * xy, -fx_ * inverse * x * radial, fy_ * inverse * xy,
+          fy_ * inverse * (scale + yy), -fy_ * inverse * y * radial;
+    }
+    return Vector2(fx_ * scale * x + cx_, fy_ * scale * y + cy_);
+  }
+
+  /// Camera-frame point of a pixel at the depth z along the optical axis [m]; nullopt beyond max_angle().
+  [[nodiscard]] std::optional<Vector3> unproject(const Vector2& x, const S& z) const {
+    using std::cos;
+    using std::sin;
+    using std::sqrt;
+    const S u = (x.x() - cx_) / fx_, v = (x.y() - cy_) / fy_, q = u * u + v * v;
+    if (to_double(q) < 1e-12) return Vector3(u * z, v * z, z);  // theta^3 is below rounding
+    const S theta_d = sqrt(q);
+    const auto theta = angle(theta_d);
+    if (!theta) return std::nullopt;
+    const S scale = sin(*theta) / (cos(*theta) * theta_d) * z;
+    return Vector3(u * scale, v * scale, z);
+  }
+
+  template <Scalar T>
+  [[nodiscard]] KannalaBrandt<T> cast() const {
+    return KannalaBrandt<T>(T(fx_), T(fy_), T(cx_), T(cy_), k_.template cast<T>());
+  }
+
+ private:
+  /// theta^2, theta_d / r and the latter's derivative by r^2, at q = r^2 = tan(theta)^2.
+  struct Curve {
+    S theta2, scale, slope;
+  };
+  [[nodiscard]] Curve at(const S& q) const {
+    using std::atan2;
+    using std::sqrt;
+    S a, b;  // theta / r and its derivative by q
+    if (q < S(1e-4)) {
+      a = S(1) - q * (S(1) / S(3) - q * (S(1) / S(5) - q / S(7)));
+      b = -S(1) / S(3) + q * (S(2) / S(5) - q * S(3) / S(7));
+    } else {
+      const S r = sqrt(q);
+      a = atan2(r, S(1)) / r;
+      b = (S(1) / (S(1) + q) - a) / (S(2) * q);
+    }
+    const S t = q * a * a;
+    const S factor = S(1) + t * (k_(0) + t * (k_(1) + t * (k_(2) + t * k_(3))));
+    const S steep = k_(0) + t * (S(2) * k_(1) + t * (S(3) * k_(2) + t * S(4) * k_(3)));
+    return {t, a * factor, b * factor + a * steep * a * (a + S(2) * q * b)};
+  }
+
+  /// Inverse of theta_d by Newton's method, kept between the axis and max_angle() by bisection.
+  [[nodiscard]] std::optional<S> angle(const S& theta_d) const {
+    using std::abs;
+    constexpr int kIterations = 60;  // Newton takes 3 to 6; bisection alone would need 53
+    const S tolerance = S(4) * Eigen::NumTraits<S>::epsilon();
+    S low = S(0), high = S(max_angle_);
+    if (!(theta_d < high * factor(high))) return std::nullopt;
+    S theta = theta_d < high ? theta_d : S(0.5) * high;
+    for (int i = 0; i < kIterations; ++i) {
+      const S error = theta * factor(theta) - theta_d;
+      (error < S(0) ? low : high) = theta;
+      const S t = theta * theta;
+      const S slope = S(1) + t * (S(3) * k_(0) + t * (S(5) * k_(1) + t * (S(7) * k_(2) + t * S(9) * k_(3))));
+      S next = theta - error / slope;
+      if (!(low <= next && next <= high)) next = S(0.5) * (low + high);
+      const bool done = abs(next - theta) <= tolerance * (S(1) + theta);
+      theta = next;
+      if (done) break;
+    }
+    return theta;
+  }
+  [[nodiscard]] S factor(const S& theta) const {
+    const S t = theta * theta;
+    return S(1) + t * (k_(0) + t * (k_(1) + t * (k_(2) + t * k_(3))));
+  }
+
+  S fx_, fy_, cx_, cy_;
+  Vector4 k_;
+  double max_angle_;
+};
+
+static_assert(DifferentiableCamera<KannalaBrandt<float>> && DifferentiableCamera<KannalaBrandt<double>>);
+
+}  // namespace dynslam

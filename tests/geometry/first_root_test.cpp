@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/geometry/first_root.hpp"
+
+#include <doctest/doctest.h>
+
+#include "random.hpp"
+
+using namespace dynslam;
+
+TEST_CASE("the first root of a polynomial is found in all orders of its roots") {
+  test::Rng rng("first root");
+  for (int k = 0; k < 500; ++k) {
+    // (1 - t / a) (1 - t / b) (1 - t / c), some of the roots negative.
+    std::array<double, 3> roots{};
+    double first = std::numeric_limits<double>::infinity();
+    for (double& r : roots) {
+      r = rng.uniform(0.05, 20) * (rng.chance(0.3) ? -1 : 1);
+      if (r > 0) first = std::min(first, r);
+    }
+    std::array<double, 4> c{1, 0, 0, 0};
+    for (const double r : roots) {
+      for (std::size_t i = 4; i-- > 1;) c[i] -= c[i - 1] / r;
+    }
+    const double found = detail::first_root(c, 100.0);
+    if (std::isfinite(first)) {
+      CHECK(found == doctest::Approx(first).epsilon(1e-6));
+    } else {
+      CHECK(!std::isfinite(found));
+    }
+  }
+  CHECK(!std::isfinite(detail::first_root(std::array{1.0, 0.0, 0.0}, 10.0)));
+  CHECK(!std::isfinite(detail::first_root(std::array{1.0, -0.01, 0.0}, 10.0)));  // beyond the limit
+  CHECK(detail::first_root(std::array{1.0, -1.5, 0.0, 0.0}, 1e4) == doctest::Approx(2.0 / 3));
+}
