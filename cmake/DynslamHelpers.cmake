@@ -16,6 +16,13 @@ function(dynslam_test_settings target)
   endif()
 endfunction()
 
+# Settings of benchmarks and examples.
+function(dynslam_bench_settings target)
+  dynslam_test_settings(${target})
+  separate_arguments(flags NATIVE_COMMAND "${DYNSLAM_BENCH_FLAGS}")
+  target_compile_options(${target} PRIVATE ${flags})
+endfunction()
+
 # dynslam::NAME, an INTERFACE target for include/dynslam/interop/NAME*.hpp on top of the core.
 function(dynslam_add_interop name)
   file(GLOB headers CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/include/dynslam/interop/${name}*.hpp)
