@@ -97,7 +97,7 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
   app.add_option("--features", o.tracker.features.features, "Keypoints per image, 100 to 10000")
       ->capture_default_str()
       ->check(number_in(100, 10000));
-  app.add_option("--nu", o.tracker.nu, "Degrees of freedom of the pose optimisation's t-distribution")
+  app.add_option("--nu", o.tracker.pose.nu, "Degrees of freedom of the pose optimisation's t-distribution")
       ->capture_default_str()
       ->check(positive());
   app.add_option("--geometry-nu", o.tracker.geometry.nu,

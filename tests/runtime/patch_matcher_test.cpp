@@ -58,16 +58,15 @@ TEST_CASE("points are found in a turned, enlarged and shifted image") {
       const ImagePyramid after = pyramid_of(turned);
       for (int i = 0; i < 40; ++i) {
         const Eigen::Vector2d x(rng.uniform(110, 210), rng.uniform(80, 160));
-        const PointPatch patch = PatchMatcher::cut(before, x, i % 3);
+        const PointPatch patch = cut_patch<double>(before, x, i % 3);
         REQUIRE(patch.level == i % 3);
-        PatchMatch match;
         ++tried;
         const Eigen::Vector2d expected = A * x + t;
-        if (!PatchMatcher::match(after, patch, A,
-                                 expected + Eigen::Vector2d(rng.uniform(-1, 1), rng.uniform(-1, 1)), match))
-          continue;
+        const auto match = match_patch<double>(
+            after, patch, A, expected + Eigen::Vector2d(rng.uniform(-1, 1), rng.uniform(-1, 1)));
+        if (!match) continue;
         ++found;
-        precise += (match.x - expected).norm() < 0.2 ? 1 : 0;  // resampled twice, reduced in between
+        precise += (match->x - expected).norm() < 0.2 ? 1 : 0;  // resampled twice, reduced in between
       }
     }
   }
@@ -78,13 +77,13 @@ TEST_CASE("points are found in a turned, enlarged and shifted image") {
 TEST_CASE("no patch is cut at the border, and one that is missing or seen from behind is not matched") {
   test::Rng rng("patch matcher border");
   const ImagePyramid pyramid = pyramid_of(texture(rng));
-  CHECK(PatchMatcher::cut(pyramid, {5, 100}, 0).level == -1);
-  CHECK(PatchMatcher::cut(pyramid, {100, 238}, 2).level == -1);
-  PatchMatch match;
-  CHECK_FALSE(PatchMatcher::match(pyramid, PointPatch(), Eigen::Matrix2d::Identity(), {100, 100}, match));
-  const PointPatch patch = PatchMatcher::cut(pyramid, {100, 100}, 0);
-  CHECK(PatchMatcher::match(pyramid, patch, Eigen::Matrix2d::Identity(), {100.4, 99.7}, match));
-  CHECK((match.x - Eigen::Vector2d(100, 100)).norm() < 0.02);
+  CHECK(cut_patch<double>(pyramid, {5, 100}, 0).level == -1);
+  CHECK(cut_patch<double>(pyramid, {100, 238}, 2).level == -1);
+  CHECK_FALSE(match_patch<double>(pyramid, PointPatch(), Eigen::Matrix2d::Identity(), {100, 100}));
+  const PointPatch patch = cut_patch<double>(pyramid, {100, 100}, 0);
+  const auto match = match_patch<double>(pyramid, patch, Eigen::Matrix2d::Identity(), {100.4, 99.7});
+  REQUIRE(match);
+  CHECK((match->x - Eigen::Vector2d(100, 100)).norm() < 0.02);
   const Eigen::Matrix2d mirrored = Eigen::Vector2d(-1, 1).asDiagonal();
-  CHECK_FALSE(PatchMatcher::match(pyramid, patch, mirrored, {100, 100}, match));
+  CHECK_FALSE(match_patch<double>(pyramid, patch, mirrored, {100, 100}));
 }

@@ -116,7 +116,7 @@ void GeometricSegmenter::set_reference(const Frame& frame, const RgbdFrame& inpu
     const Feature& f = frame.features[usable[k * usable.size() / n]];
     const Eigen::Vector2d ideal(f.x, f.y);
     reference_.pixels.emplace_back(f.u, f.v);
-    reference_.patches.push_back(PatchMatcher::cut(pyramid, Eigen::Vector2d(f.u, f.v), f.octave));
+    reference_.patches.push_back(cut_patch<double>(pyramid, Eigen::Vector2d(f.u, f.v), f.octave));
     reference_.patches.back().depth = f.depth;
     reference_.ideal.push_back(ideal);
     reference_.pause.push_back(0);
@@ -170,7 +170,6 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyra
   std::vector<cv::Point2f> from, to, projected;  // of those that must be searched
   std::vector<std::size_t> index;
   std::vector<Eigen::Matrix2d> warps;
-  PatchMatch match;
   struct Track {
     std::size_t reference;
     cv::Point2f to, projected;
@@ -199,8 +198,9 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyra
     const PointPatch& patch = reference_.patches[i];
     const auto warp = patch_warp(camera_.model.pinhole(), patch, p_c, R);
     if (patch.level < 0 || !warp) continue;
-    if (PatchMatcher::match(image, patch, *warp, *x, match) && (match.x - *x).norm() < options_.at_rest_px) {
-      add_track(i, {static_cast<float>(match.x.x()), static_cast<float>(match.x.y())}, expected);
+    const auto match = match_patch<double>(image, patch, *warp, *x);
+    if (match && (match->x - *x).norm() < options_.at_rest_px) {
+      add_track(i, {static_cast<float>(match->x.x()), static_cast<float>(match->x.y())}, expected);
       continue;
     }
     if (reference_.pause[i] > 0) {
@@ -223,8 +223,9 @@ void GeometricSegmenter::track_reference(const RgbdFrame& input, const ImagePyra
                              options_.lk_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW);
     for (std::size_t k = 0; k < from.size(); ++k) {
       const Eigen::Vector2d x(to[k].x, to[k].y);
-      if (found[k] != 0 && PatchMatcher::match(image, reference_.patches[index[k]], warps[k], x, match) &&
-          (match.x - x).norm() <= options_.confirmed_px) {
+      const auto match = found[k] != 0 ? match_patch<double>(image, reference_.patches[index[k]], warps[k], x)
+                                       : std::nullopt;
+      if (match && (match->x - x).norm() <= options_.confirmed_px) {
         add_track(index[k], to[k], projected[k]);
       } else {
         reference_.pause[index[k]] = kPause;

@@ -27,7 +27,7 @@ nlohmann::json configuration(const RunOptions& options, const CameraConfig& came
           {"max_frames", options.max_frames},
           {"seed", options.seed},
           {"features", t.features.features},
-          {"nu", t.nu},
+          {"nu", t.pose.nu},
           {"geometry_nu", t.geometry.nu},
           {"tau", t.geometry.tau}};
 }

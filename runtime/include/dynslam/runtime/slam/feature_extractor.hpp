@@ -3,6 +3,7 @@
 
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
+#include <span>
 #include <vector>
 
 #include "dynslam/runtime/slam/frame.hpp"
@@ -41,6 +42,8 @@ class FeatureExtractor {
 
   /// Scale of pyramid level `octave` against level 0.
   [[nodiscard]] float scale(int octave) const { return scales_[static_cast<std::size_t>(octave)]; }
+  /// Of all levels.
+  [[nodiscard]] std::span<const float> scales() const { return scales_; }
   [[nodiscard]] int levels() const { return options_.levels; }
   [[nodiscard]] float scale_factor() const { return options_.scale_factor; }
 

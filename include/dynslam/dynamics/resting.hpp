@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "dynslam/concepts/image.hpp"
+#include "dynslam/config.hpp"
+#include "dynslam/image/depth.hpp"
+
+namespace dynslam {
+
+/// When something that could move counts as at rest.
+template <std::floating_point S>
+struct RestingOptions {
+  int stride = 4;          ///< pixels between the samples of an instance
+  int min_samples = 40;    ///< with depth: of less nothing is known
+  S min_still = S(0.4);    ///< share of the samples that were seen in the same place long before
+  S max_moving = S(0.05);  ///< share of the samples on the mask of what moves
+};
+
+/// Instances on the a-priori mask that are at rest, such as people who sit: their points may serve the pose.
+/// @param instances  0 = none, else the instance's number
+/// @param prior      nonzero = may move
+/// @param depth      [m]
+/// @param moving     nonzero = seen to move
+/// @param verified   verified(u, v) -> bool: the surface at a pixel was seen in the same place long before
+/// @return per instance number 1 = at rest; shorter than the largest number where the last ones have no
+/// samples All images have the same size.
+template <LabelImage Instances, LabelImage Prior, DepthImage Depth, LabelImage Moving, class Verified,
+          std::floating_point S>
+[[nodiscard]] std::vector<std::uint8_t> resting_instances(const Instances& instances, const Prior& prior,
+                                                          const Depth& depth, const Moving& moving,
+                                                          Verified&& verified,
+                                                          const RestingOptions<S>& options) {
+  DYNSLAM_ASSERT(instances.width() == prior.width() && instances.height() == prior.height() &&
+                     instances.width() == depth.width() && instances.height() == depth.height() &&
+                     instances.width() == moving.width() && instances.height() == moving.height(),
+                 "all images have the same size");
+  struct Count {
+    int seen = 0, still = 0, moving = 0;
+  };
+  std::vector<Count> counts;
+  for (int v = 0; v < instances.height(); v += options.stride) {
+    for (int u = 0; u < instances.width(); u += options.stride) {
+      if (instances(u, v) <= 0 || prior(u, v) == 0 || !is_valid_depth(depth(u, v))) continue;
+      const auto id = static_cast<std::size_t>(instances(u, v));
+      if (counts.size() <= id) counts.resize(id + 1);
+      ++counts[id].seen;
+      counts[id].still += verified(u, v) ? 1 : 0;
+      counts[id].moving += moving(u, v) != 0 ? 1 : 0;
+    }
+  }
+  std::vector<std::uint8_t> resting(counts.size(), 0);
+  for (std::size_t id = 1; id < counts.size(); ++id) {
+    const Count& c = counts[id];
+    const auto seen = static_cast<S>(c.seen);
+    resting[id] = c.seen >= options.min_samples && static_cast<S>(c.still) >= options.min_still * seen &&
+                          static_cast<S>(c.moving) <= options.max_moving * seen
+                      ? 1
+                      : 0;
+  }
+  return resting;
+}
+
+/// Gives back what is at rest: clears its pixels in a mask of what moves and marks them (255) in one of what
+/// rests.
+/// @param resting  as resting_instances() returns it
+template <LabelImage Instances, MutableImage Dynamic, MutableImage Rest>
+void give_back_resting(const Instances& instances, const std::vector<std::uint8_t>& resting, Dynamic& dynamic,
+                       Rest& at_rest) {
+  for (int v = 0; v < instances.height(); ++v) {
+    for (int u = 0; u < instances.width(); ++u) {
+      const auto id = static_cast<std::size_t>(instances(u, v));
+      if (id >= resting.size() || resting[id] == 0) continue;
+      dynamic(u, v) = 0;
+      at_rest(u, v) = 255;
+    }
+  }
+}
+
+}  // namespace dynslam

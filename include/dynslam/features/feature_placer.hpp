@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "dynslam/concepts/camera.hpp"
+#include "dynslam/concepts/image.hpp"
+#include "dynslam/config.hpp"
+#include "dynslam/features/feature.hpp"
+#include "dynslam/geometry/ideal_pinhole.hpp"
+#include "dynslam/geometry/pinhole.hpp"
+#include "dynslam/geometry/se3.hpp"
+#include "dynslam/image/depth.hpp"
+
+namespace dynslam {
+
+/// Tells of a recorded pixel what geometry needs of it: the pixel of the ideal pinhole camera, and the depth
+/// there at the time of the colour image.
+///
+/// The inverse of a lens is looked up: it is calculated once per pixel of the image, and the displacement at
+/// the nearest one serves the positions between, for a lens is smooth.
+template <CameraModel C>
+  requires std::floating_point<typename C::ScalarType>
+class FeaturePlacer {
+ public:
+  using S = typename C::ScalarType;
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+  static constexpr float kNowhere = -1e6F;  ///< ideal pixel of what has none: far outside every image
+
+  /// @param width, height  of the recorded images [px]
+  FeaturePlacer(const C& camera, int width, int height)
+      : camera_(camera), pinhole_(ideal_pinhole(camera)), width_(width), height_(height) {
+    DYNSLAM_ASSERT(width >= 0 && height >= 0, "an image needs non-negative sizes");
+    ideal_.reserve(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+    for (int v = 0; v < height; ++v) {
+      for (int u = 0; u < width; ++u) {
+        const auto x = to_ideal(camera_, pinhole_, Vector2(S(u), S(v)));
+        ideal_.push_back(x ? Eigen::Vector2f(x->template cast<float>())
+                           : Eigen::Vector2f::Constant(kNowhere));
+      }
+    }
+  }
+
+  [[nodiscard]] const C& camera() const { return camera_; }
+  [[nodiscard]] const Pinhole<S>& pinhole() const { return pinhole_; }
+  [[nodiscard]] int width() const { return width_; }
+  [[nodiscard]] int height() const { return height_; }
+  /// Whether an ideal pixel lies in an image of this size.
+  [[nodiscard]] bool sees(const Feature& f) const {
+    return f.x >= 0 && f.y >= 0 && f.x < static_cast<float>(width_) && f.y < static_cast<float>(height_);
+  }
+
+  /// The camera's motion from the colour image to the depth image, which are taken one after the other;
+  /// nullopt: at once, or nobody knows.
+  void set_depth_motion(const std::optional<SE3<S>>& T_depth_c) { T_depth_c_ = T_depth_c; }
+
+  /// Puts a feature at a recorded pixel: u, v, x, y and depth are set. A pixel to which the lens has no
+  /// inverse, or outside the image, has neither an ideal pixel (kNowhere) nor a depth.
+  template <DepthImage I>
+  void place(Feature& f, const Vector2& pixel, const I& depth) const {
+    f.u = static_cast<float>(pixel.x());
+    f.v = static_cast<float>(pixel.y());
+    f.x = f.y = kNowhere;
+    f.depth = 0;
+    const int u = static_cast<int>(std::lrint(f.u)), v = static_cast<int>(std::lrint(f.v));
+    if (!contains(u, v)) return;
+    const Eigen::Vector2f& ideal =
+        ideal_[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(u)];
+    f.x = ideal.x() + (f.u - static_cast<float>(u));
+    f.y = ideal.y() + (f.v - static_cast<float>(v));
+    const auto z = static_cast<float>(depth(u, v));
+    if (!is_valid_depth(z) || ideal.x() == kNowhere) return;
+    f.depth = T_depth_c_ ? depth_of_colour_time(f, z, depth) : z;
+  }
+
+  /// The point that a feature with depth shows, in the camera's frame [m].
+  [[nodiscard]] Vector3 point(const Feature& f) const {
+    return pinhole_.ray(Vector2(static_cast<S>(f.x), static_cast<S>(f.y))) * static_cast<S>(f.depth);
+  }
+
+ private:
+  [[nodiscard]] bool contains(int u, int v) const { return u >= 0 && v >= 0 && u < width_ && v < height_; }
+
+  /// The depth image was taken a little earlier or later: looks where the point was then, and brings what is
+  /// measured there back. @return 0 where nothing is
+  template <DepthImage I>
+  [[nodiscard]] float depth_of_colour_time(const Feature& f, float z, const I& depth) const {
+    const Vector3 p_c = pinhole_.ray(Vector2(static_cast<S>(f.x), static_cast<S>(f.y))) * static_cast<S>(z);
+    const Vector3 p_d = *T_depth_c_ * p_c;
+    const auto x_d = camera_.project(p_d);
+    if (!x_d) return 0;
+    const S kFar = S(1e6);  // a pixel that an integer holds
+    if (!(std::abs(x_d->x()) < kFar && std::abs(x_d->y()) < kFar)) return 0;
+    const int u = static_cast<int>(std::lround(x_d->x())), v = static_cast<int>(std::lround(x_d->y()));
+    if (!contains(u, v)) return 0;
+    const auto then = static_cast<float>(depth(u, v));
+    if (!is_valid_depth(then)) return 0;
+    return static_cast<float>(static_cast<S>(then) + p_c.z() - p_d.z());
+  }
+
+  C camera_;
+  Pinhole<S> pinhole_;
+  int width_, height_;
+  std::vector<Eigen::Vector2f> ideal_;  // per recorded pixel
+  std::optional<SE3<S>> T_depth_c_;
+};
+
+}  // namespace dynslam

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <vector>
+
+#include "dynslam/concepts/image.hpp"
+#include "dynslam/config.hpp"
+#include "dynslam/image/image.hpp"
+#include "dynslam/image/image_view.hpp"
+
+namespace dynslam {
+
+/// Copies of an image, from its own size (level 0) to smaller ones. Pixel centres are at integers on every
+/// level; `scale(level)` is the width and height of a level's pixel in pixels of level 0.
+template <class P>
+concept ImagePyramidLike = requires(const P& pyramid, int level) {
+  { pyramid.size() } -> std::convertible_to<int>;  // how many levels
+  requires RowImage<std::remove_cvref_t<decltype(pyramid.image(level))>>;
+  { pyramid.scale(level) } -> std::convertible_to<Eigen::Vector2d>;
+};
+
+/// Coordinates on `level` of the pixel `x` of level 0, and back.
+template <std::floating_point S, ImagePyramidLike P>
+[[nodiscard]] Eigen::Matrix<S, 2, 1> to_level(const P& pyramid, const Eigen::Matrix<S, 2, 1>& x, int level) {
+  const Eigen::Vector2d scale = pyramid.scale(level);
+  return (x.array() + S(0.5)) / scale.cast<S>().array() - S(0.5);
+}
+template <std::floating_point S, ImagePyramidLike P>
+[[nodiscard]] Eigen::Matrix<S, 2, 1> to_base(const P& pyramid, const Eigen::Matrix<S, 2, 1>& x, int level) {
+  const Eigen::Vector2d scale = pyramid.scale(level);
+  return (x.array() + S(0.5)) * scale.cast<S>().array() - S(0.5);
+}
+
+/// A pyramid of half sizes: each pixel is the mean of 2 x 2 of the level below it; an odd last row or column
+/// is dropped. Level 0 is a copy, so the pyramid outlives the image. Memory is reused.
+template <class T = std::uint8_t>
+class HalvingPyramid {
+ public:
+  /// @param levels  wanted, 1 or more; a level of less than 16 pixels in either direction is not made
+  template <ImageLike I>
+  void build(const I& image, int levels) {
+    DYNSLAM_ASSERT(levels >= 1, "level 0 is the image");
+    images_.resize(std::max(images_.size(), static_cast<std::size_t>(levels)));
+    Image<T>& base = images_.front();
+    base.resize(image.width(), image.height());
+    for (int v = 0; v < image.height(); ++v) {
+      T* out = base.row(v);
+      if constexpr (RowImage<I>) {
+        const auto* row = image.row(v);
+        std::transform(row, row + image.width(), out, [](const auto& p) { return static_cast<T>(p); });
+      } else {
+        for (int u = 0; u < image.width(); ++u) out[u] = static_cast<T>(image(u, v));
+      }
+    }
+    for (levels_ = 1; levels_ < levels; ++levels_) {
+      const Image<T>& from = images_[static_cast<std::size_t>(levels_) - 1];
+      if (std::min(from.width(), from.height()) < 2 * kSmallest) break;
+      halve(from, images_[static_cast<std::size_t>(levels_)]);
+    }
+  }
+
+  [[nodiscard]] int size() const { return levels_; }
+  [[nodiscard]] ImageView<const T> image(int i) const { return images_[static_cast<std::size_t>(i)].view(); }
+  [[nodiscard]] Eigen::Vector2d scale(int i) const {
+    return Eigen::Vector2d::Constant(static_cast<double>(1 << i));
+  }
+
+ private:
+  static constexpr int kSmallest = 16;  // pixels: room for a patch and its search
+
+  static void halve(const Image<T>& from, Image<T>& to) {
+    const int w = from.width() / 2, h = from.height() / 2;
+    to.resize(w, h);
+    for (int v = 0; v < h; ++v) {
+      const T *a = from.row(2 * v), *b = from.row(2 * v + 1);
+      T* out = to.row(v);
+      for (int u = 0; u < w; ++u) {
+        if constexpr (std::integral<T>) {
+          out[u] = static_cast<T>((a[2 * u] + a[2 * u + 1] + b[2 * u] + b[2 * u + 1] + 2) / 4);
+        } else {
+          out[u] = T(0.25) * (a[2 * u] + a[2 * u + 1] + b[2 * u] + b[2 * u + 1]);
+        }
+      }
+    }
+  }
+
+  std::vector<Image<T>> images_;
+  int levels_ = 0;
+};
+
+static_assert(ImagePyramidLike<HalvingPyramid<std::uint8_t>> && ImagePyramidLike<HalvingPyramid<float>>);
+
+}  // namespace dynslam

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "dynslam/features/feature.hpp"
+#include "dynslam/geometry/pinhole.hpp"
+#include "dynslam/image/depth.hpp"
+#include "dynslam/map/keyframe_map.hpp"
+#include "dynslam/optim/pose.hpp"
+#include "dynslam/optim/pose_consensus.hpp"
+#include "dynslam/robust/t_distribution.hpp"
+
+namespace dynslam {
+
+template <std::floating_point S>
+struct MatchedPoseOptions {
+  S nu = S(5);                 ///< degrees of freedom of the t-distribution
+  S min_pixel_scale = S(0.4);  ///< how much better than stated the pixel noise may turn out
+  /// Sensor noise, and the time between colour and depth image.
+  DepthNoise<S> depth_noise{S(0.004), S(0.008)};
+};
+
+/// The pose that a frame's matches with the map say, those on its dynamic flags left out.
+template <std::floating_point S>
+class MatchedPose {
+ public:
+  /// @param camera  of the pixels Feature::x, y
+  explicit MatchedPose(const Pinhole<S>& camera, const MatchedPoseOptions<S>& options = {})
+      : camera_(camera), options_(options) {}
+
+  /// Collects what the matches tell. The calls below that take no map go by the last collection.
+  template <class Map>
+  void gather(const Map& map, const Frame<S>& frame) {
+    observations_.clear();
+    feature_.clear();
+    for (std::size_t i = 0; i < frame.features.size(); ++i) {
+      if (frame.point[i] < 0 || frame.dynamic[i] != 0) continue;
+      observations_.push_back(
+          observe(frame.features[i], map.point(frame.point[i]).p_w, options_.depth_noise));
+      feature_.push_back(static_cast<int>(i));
+    }
+  }
+
+  /// The pose that most matches agree on, see pose_consensus().
+  /// @param surface  where given, matches count by the surface that they stand for; nullptr: all alike
+  [[nodiscard]] SE3<S> consensus(const SE3<S>& T_c_w_predicted, std::span<const SE3<S>> alternatives,
+                                 const PoseConsensusOptions<S>& options, const SurfaceOptions<S>* surface) {
+    weights_.clear();
+    if (surface != nullptr) surface_weights<S>(T_c_w_predicted, observations_, *surface, weights_);
+    return pose_consensus<S>(camera_, observations_, T_c_w_predicted, alternatives, options, weights_).T_c_w;
+  }
+
+  /// Drops the matches whose squared normalised error is `max_chi2` or more.
+  void keep_consistent(const SE3<S>& T_c_w, S max_chi2, Frame<S>& frame) const {
+    for (std::size_t k = 0; k < observations_.size(); ++k) {
+      if (observation_chi2(camera_, T_c_w, observations_[k]) >= max_chi2)
+        frame.point[static_cast<std::size_t>(feature_[k])] = -1;
+    }
+  }
+
+  /// Collects, optimises from `start` (optimize_pose()) and drops the matches that are outliers then.
+  template <class Map>
+  PoseResult<S> optimize(const Map& map, const SE3<S>& start, Frame<S>& frame) {
+    gather(map, frame);
+    PoseOptions<S> options;
+    options.min_pixel_scale = options_.min_pixel_scale;
+    const TDistribution<S> kernel{options_.nu};
+    const PoseResult<S> result = optimize_pose(camera_, std::span<const PoseObservation<S>>(observations_),
+                                               start, options, kernel, workspace_);
+    for (std::size_t k = 0; k < observations_.size(); ++k) {
+      if (workspace_.inlier[k] == 0) frame.point[static_cast<std::size_t>(feature_[k])] = -1;
+    }
+    return result;
+  }
+
+ private:
+  Pinhole<S> camera_;
+  MatchedPoseOptions<S> options_;
+  std::vector<PoseObservation<S>> observations_;
+  std::vector<int> feature_;  // of observations_
+  std::vector<S> weights_;    // of observations_ in the consensus
+  PoseWorkspace<S> workspace_;
+};
+
+}  // namespace dynslam

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string_view>
+
+#include "dynslam/geometry/se3.hpp"
+#include "dynslam/runtime/slam/geometric_segmenter.hpp"
+#include "dynslam/runtime/slam/loop_closer.hpp"
+
+namespace dynslam::runtime {
+
+/// Parts of a frame's work, in the order of the columns of timings.csv. `tracking` is the tracking thread's
+/// whole time; `features` are extracted ahead on the decoding thread where the pipeline says so.
+enum class Stage {
+  features,
+  initial_pose,
+  local_map,
+  lucas_kanade,
+  residuals,
+  free_space,
+  growing,
+  pose,
+  keyframe,
+  tracking
+};
+inline constexpr std::array<std::string_view, 10> kStageNames{
+    "features",   "initial_pose", "local_map", "lucas_kanade", "residuals",
+    "free_space", "growing",      "pose",      "keyframe",     "tracking"};
+/// Milliseconds of each stage.
+struct StageTimes : std::array<double, kStageNames.size()> {
+  using Base = std::array<double, kStageNames.size()>;
+  using Base::operator[];
+  [[nodiscard]] double& operator[](Stage stage) { return Base::operator[](static_cast<std::size_t>(stage)); }
+};
+
+enum class TrackingState { not_initialised, tracked, relocalised, lost };
+[[nodiscard]] std::string_view to_string(TrackingState state);
+
+struct TrackResult {
+  TrackingState state = TrackingState::not_initialised;
+  SE3<double> T_w_c;  ///< as known now; the final pose is T_c_reference's with the reference's last one
+  int reference = 0;  ///< the newest keyframe
+  SE3<double> T_c_reference;
+  bool keyframe = false;
+  std::optional<LoopClosing> loop;  ///< closed at this keyframe: T_w_c is corrected already
+  bool mask_rejected = false;       ///< the mask left too few features and was not applied to the pose
+  int matches = 0, inliers = 0;
+  cv::Mat dynamic_mask;  ///< CV_8UC1, 255 = dynamic; always of image size
+  GeometryStatistics geometry;
+  StageTimes times{};
+};
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "dynslam/dynamics/resting.hpp"
+#include "dynslam/image/depth.hpp"
+#include "dynslam/map/keyframe_policy.hpp"
+#include "dynslam/map/local_matcher.hpp"
+#include "dynslam/map/matched_pose.hpp"
+#include "dynslam/map/point_maker.hpp"
+#include "dynslam/runtime/slam/dynamics_mode.hpp"
+#include "dynslam/runtime/slam/feature_extractor.hpp"
+#include "dynslam/runtime/slam/geometric_segmenter.hpp"
+#include "dynslam/runtime/slam/local_bundle.hpp"
+#include "dynslam/runtime/slam/loop_closer.hpp"
+#include "dynslam/runtime/slam/place_verifier.hpp"
+
+namespace dynslam::runtime {
+
+/// How a pose is found between two frames and proven by the local map. Lengths in metres, times in seconds.
+struct PoseSearchOptions {
+  int min_inliers = 25;     ///< fewer: the pose is not accepted
+  int weak_inliers = 8;     ///< of the last frame's points: a start whose proof is the local map
+  int coasting_frames = 3;  ///< lost for fewer: the motion that was is tried before the places
+  float near_radius = 12.0F,
+        far_radius = 30.0F;     ///< of the search for the last frame's points [px of their level]
+  double prior_share = 0.2;     ///< the predicted motion counts as this share of all matches
+  double prior_speed = 0.9;     ///< standard deviation of the change of velocity between two frames [m/s]
+  double prior_turn = 0.9;      ///< and of the angular velocity's [rad/s]
+  double local_chi2 = 25;       ///< squared normalised error from which a match of the local map is dropped
+  int candidates = 5;           ///< keyframes tried per lost frame
+  double max_speed = 4;         ///< of a hand [m/s]: farther, a place that looks right is another one
+  double max_turn = 8;          ///< [rad/s]
+  double longest_delay = 0.05;  ///< of a depth image, over which the velocity is trusted [s]
+};
+
+struct TrackerOptions {
+  DynamicsMode dynamics = DynamicsMode::both;
+  FeatureOptions features;
+  GeometryOptions geometry;
+  std::uint64_t seed = 1;  ///< of the consensus
+  /// Sensor noise, and the time between colour and depth image; goes for `pose` and `points`, too.
+  DepthNoise<double> depth_noise{0.004, 0.008};
+  int initial_features = 100;  ///< with depth, to start a map
+  PoseSearchOptions search;
+  LocalMatchOptions<double> matching;
+  MatchedPoseOptions<double> pose;
+  PointMakerOptions<double> points;
+  KeyframeOptions<double> keyframes;
+  RestingOptions<double> resting;
+  int semantic_dilation = 9;  ///< pixels added around a-priori masks
+  int feature_margin = 6;     ///< pixels around the fused mask in which features are not used
+  bool bundle = true;         ///< adjust the newest keyframes and their points
+  int bundle_delay = 4;       ///< frames after which the adjustment's result is waited for and used
+  LocalBundleOptions local_bundle;
+  bool close_loops = true;
+  int loop_bundle_window = 60;  ///< keyframes adjusted after a loop
+  int loop_bundle_delay = 12;   ///< frames after which that is waited for
+  LoopOptions loops;
+  PlaceOptions relocalisation;
+  double redundant_keyframe = 0.9;  ///< of its points seen by three others: a keyframe goes
+  int spare_keyframes = 5;          ///< newest keyframes, which never go
+  int reference_distance = 5;       ///< keyframes between the present one and the reference (paper, step 4)
+};
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/slam/dynamics_mode.hpp"
+
+namespace dynslam::runtime {
+
+std::optional<DynamicsMode> parse_dynamics(std::string_view name) {
+  for (const auto mode :
+       {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both}) {
+    if (name == to_string(mode)) return mode;
+  }
+  return std::nullopt;
+}
+
+std::string_view to_string(DynamicsMode mode) {
+  switch (mode) {
+    case DynamicsMode::none:
+      return "none";
+    case DynamicsMode::semantic:
+      return "semantic";
+    case DynamicsMode::geometric:
+      return "geometric";
+    case DynamicsMode::both:
+      return "both";
+  }
+  return "unknown";
+}
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the tracker does with the map: keyframes, loops, and the adjustment that runs beside it.
+#include <optional>
+#include <utility>
+
+#include "dynslam/map/keyframe_policy.hpp"
+#include "slam/tracker_present.hpp"
+
+namespace dynslam::runtime {
+
+bool Tracker::wants_keyframe(const Present& now) const {
+  KeyframeEvidence<double> seen;
+  seen.frames = static_cast<int>(now.frame.index - last_keyframe_index_);
+  seen.inliers = now.result.inliers;
+  seen.points_then = last_keyframe_tracked_;
+  seen.T_c_keyframe = now.frame.T_c_w * map_.keyframes().back().frame.T_c_w.inverse();
+  return dynslam::wants_keyframe(seen, options_.keyframes);
+}
+
+void Tracker::insert_keyframe(Present& now) {
+  Frame& frame = now.frame;
+  frame.T_c_w = frame.T_c_w * settle();  // the bundle adjustment writes the map, and so does what follows
+  points_.trust_all(frame);
+  if (uses_geometry(options_.dynamics) && initialised_)
+    points_.trust(frame, [&](float u, float v) { return geometry_.verified_static(u, v); });
+  last_keyframe_tracked_ = points_.make(map_, now.image->pyramid, frame);
+  last_keyframe_index_ = frame.index;
+  frame.grid.build(frame.features, camera_.width, camera_.height);
+  const int id = map_.add_keyframe(frame);
+  map_.cull();
+  std::optional<LoopClosing>& loop = now.result.loop;
+  if (options_.close_loops) loop = loops_.close(map_, places_, id, now.depth);
+  if (loop) {
+    follow(loop->D);
+    frame.T_c_w = map_.keyframe(id).frame.T_c_w;
+    frame.point = map_.keyframe(id).frame.point;
+  }
+  places_.add(id, map_.keyframe(id).frame);
+  if (options_.bundle && id > 0) {
+    bundle_.start(map_, options_.depth_noise, loop ? options_.loop_bundle_window : 0);
+    bundle_due_ =
+        frame.index + static_cast<std::size_t>(loop ? options_.loop_bundle_delay : options_.bundle_delay);
+  }
+  if (uses_geometry(options_.dynamics) &&
+      (!geometry_.has_reference() || id - reference_id_ > options_.reference_distance)) {
+    geometry_.set_reference(frame, now.input, now.image->pyramid);
+    reference_id_ = id;
+  }
+  now.result.keyframe = true;
+}
+
+void Tracker::finish() {
+  (void)settle();
+}
+
+void Tracker::load(LocalMap map) {
+  map_ = std::move(map);
+  for (const Keyframe& k : map_.keyframes()) {
+    if (!k.culled()) places_.add(k.id, k.frame);
+  }
+  initialised_ = true;
+  lost_frames_ = 1;
+}
+
+SE3<double> Tracker::settle() {
+  if (!bundle_.pending()) return {};
+  const SE3<double> D = bundle_.apply(map_);
+  follow(D);
+  for (const int id :
+       map_.cull_keyframes(map_.newest(), options_.redundant_keyframe, options_.spare_keyframes))
+    places_.remove(id);
+  return D;
+}
+
+void Tracker::follow(const SE3<double>& D) {
+  last_.T_c_w = last_.T_c_w * D;
+  geometry_.follow(D);
+}
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <opencv2/core.hpp>
+#include <utility>
+
+#include "dynslam/image/image_view.hpp"
+#include "dynslam/interop/opencv.hpp"
+#include "dynslam/runtime/slam/tracker.hpp"
+#include "dynslam/runtime/stopwatch.hpp"
+
+namespace dynslam::runtime {
+
+/// The frame at hand, and what is known of it so far.
+struct Tracker::Present {
+  explicit Present(const RgbdFrame& frame_input)
+      : input(frame_input), depth(interop::view<const float>(frame_input.depth)) {}
+
+  const RgbdFrame& input;
+  ImageView<const float> depth;
+  std::shared_ptr<const ImageFeatures> image;
+  Frame frame;
+  SE3<double> T_c_w;
+  cv::Mat semantic;  // a-priori mask with its margin; empty: none
+  TrackResult result;
+  Stopwatch whole, watch;
+
+  void done(Stage stage, double before_ms = 0) { result.times[stage] = watch.lap_ms() + before_ms; }
+  TrackResult finish() {
+    result.times[Stage::tracking] = whole.lap_ms();
+    return std::move(result);
+  }
+};
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/dynamics/resting.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cstdint>
+#include <limits>
+
+#include "dynslam/image/image.hpp"
+
+using namespace dynslam;
+
+namespace {
+
+/// Three people in columns of 40 pixels each: 1 sits, 2 walks, 3 sits but fidgets.
+template <class S>
+struct Room {
+  Image<std::uint16_t> instances{120, 40};
+  Image<std::uint8_t> prior{120, 40, 1}, moving{120, 40};
+  Image<S> depth{120, 40, S(2)};
+
+  Room() {
+    for (int v = 0; v < 40; ++v) {
+      for (int u = 0; u < 120; ++u) {
+        instances(u, v) = static_cast<std::uint16_t>(u / 40 + 1);
+        if (u >= 80 && v < 4) moving(u, v) = 255;  // a tenth of the third
+      }
+    }
+  }
+  [[nodiscard]] std::vector<std::uint8_t> resting(const RestingOptions<S>& options = {}) const {
+    const auto verified = [](int u, int) { return u < 40 || u >= 80; };
+    return resting_instances(instances, prior, depth, moving, verified, options);
+  }
+};
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("who sits is at rest; who walks, fidgets, or is hardly seen is not", S, float, double) {
+  Room<S> room;
+  CHECK(room.resting() == std::vector<std::uint8_t>{0, 1, 0, 0});
+  RestingOptions<S> tolerant;
+  tolerant.max_moving = S(0.2);
+  CHECK(room.resting(tolerant) == std::vector<std::uint8_t>{0, 1, 0, 1});
+
+  Room<S> far = room;  // no depth on the first but for a corner of 20 x 20 pixels: 25 samples
+  for (int v = 0; v < 40; ++v) {
+    for (int u = 0; u < 40; ++u) {
+      if (u >= 20 || v >= 20) far.depth(u, v) = std::numeric_limits<S>::quiet_NaN();
+    }
+  }
+  CHECK(far.resting() == std::vector<std::uint8_t>{0, 0, 0, 0});
+  room.prior.fill(0);  // nobody there could move
+  CHECK(room.resting().empty());
+}
+
+TEST_CASE("what rests leaves the mask of what moves, and nothing else does") {
+  Room<float> room;
+  Image<std::uint8_t> dynamic(120, 40, 255), at_rest(120, 40, 0);
+  give_back_resting(room.instances, room.resting(), dynamic, at_rest);
+  for (int v = 0; v < 40; v += 7) {
+    for (int u = 0; u < 120; ++u) {
+      CHECK((dynamic(u, v) == 0) == (u < 40));
+      CHECK((at_rest(u, v) == 255) == (u < 40));
+    }
+  }
+}

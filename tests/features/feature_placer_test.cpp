@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/features/feature_placer.hpp"
+
+#include <doctest/doctest.h>
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "dynslam/features/masked_features.hpp"
+#include "dynslam/geometry/brown_conrady.hpp"
+#include "dynslam/image/image.hpp"
+
+using namespace dynslam;
+
+TEST_CASE_TEMPLATE("a feature is put where the lens says, to a tenth of a pixel between pixels", S, float,
+                   double) {
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  const PinholeBrownConrady<S> camera(Pinhole<S>(S(500), S(505), S(320), S(240)),
+                                      BrownConrady<S>(S(0.1), S(-0.2), S(0.001), S(-0.002), S(0)));
+  const FeaturePlacer<PinholeBrownConrady<S>> placer(camera, 640, 480);
+  Image<float> depth(640, 480, 2.0F);
+  for (const Vector2& x :
+       {Vector2(S(320.3), S(240.2)), Vector2(S(20.4), S(31.4)), Vector2(S(600.7), S(450.6))}) {
+    Feature f;
+    placer.place(f, x, depth);
+    const auto ideal = camera.undistort_pixel(x);
+    REQUIRE(ideal);
+    CHECK(std::abs(f.x - static_cast<float>(ideal->x())) < 0.1F);
+    CHECK(std::abs(f.y - static_cast<float>(ideal->y())) < 0.1F);
+    CHECK(f.depth == 2.0F);
+    CHECK(placer.sees(f));
+    CHECK(std::abs(placer.point(f).z() - S(2)) < S(1e-5));
+  }
+  depth(10, 10) = std::numeric_limits<float>::quiet_NaN();
+  Feature f;
+  placer.place(f, Vector2(S(10), S(10)), depth);
+  CHECK(f.depth == 0.0F);
+  placer.place(f, Vector2(S(640), S(10)), depth);  // outside the image
+  CHECK_FALSE(placer.sees(f));
+  CHECK(f.depth == 0.0F);
+}
+
+TEST_CASE_TEMPLATE("a pixel to which the lens has no inverse has neither a place nor a depth", S, float,
+                   double) {
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  const PinholeBrownConrady<S> camera(
+      Pinhole<S>(S(300), S(300), S(320), S(240)),
+      BrownConrady<S>(S(-0.5), S(0), S(0), S(0), S(0)));  // folds inside the image
+  const FeaturePlacer<PinholeBrownConrady<S>> placer(camera, 640, 480);
+  const Image<float> depth(640, 480, 2.0F);
+  Feature f;
+  placer.place(f, Vector2(S(2), S(2)), depth);
+  CHECK_FALSE(placer.sees(f));
+  CHECK(f.depth == 0.0F);
+  placer.place(f, Vector2(S(320), S(240)), depth);
+  CHECK(f.depth == 2.0F);
+}
+
+TEST_CASE_TEMPLATE("depth taken later than the colour is brought back to its time", S, float, double) {
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  const Pinhole<S> camera(S(500), S(500), S(320), S(240));
+  FeaturePlacer<Pinhole<S>> placer(camera, 640, 480);
+  // A slanted wall, z = 2 + x / 2. Between colour and depth the camera moves 4 cm aside and 3 cm ahead.
+  const Eigen::Matrix<S, 3, 1> moved(S(-0.04), S(0), S(-0.03));
+  Image<float> depth(640, 480);
+  for (int v = 0; v < 480; ++v) {
+    for (int u = 0; u < 640; ++u) {  // the ray r z + (-moved) meets the wall
+      const S r = (S(u) - S(320)) / S(500);
+      depth(u, v) = static_cast<float>((S(2) - moved.x() / S(2) + moved.z()) / (S(1) - r / S(2)));
+    }
+  }
+  Feature then, now;
+  placer.place(then, Vector2(S(400), S(200)), depth);
+  placer.set_depth_motion(SE3<S>(SO3<S>(), moved));
+  placer.place(now, Vector2(S(400), S(200)), depth);
+  const float truth = static_cast<float>(S(2) / (S(1) - S(80) / S(500) / S(2)));
+  // A whole pixel of the wall's slant is what the rounding costs.
+  CHECK(std::abs(now.depth - truth) < 0.003F);
+  CHECK(std::abs(then.depth - truth) > 0.005F);
+}
+
+TEST_CASE("features on a mask are flagged, flags that are set stay, and outside the image nothing is read") {
+  Image<std::uint8_t> mask(10, 10, 0);
+  mask(3, 4) = 1;
+  std::vector<Feature> features(4);
+  features[0].u = 3.4F;
+  features[0].v = 3.6F;
+  features[1].u = 5.0F;
+  features[2].u = -7.0F;
+  features[3].u = 1000.0F;
+  std::array<std::uint8_t, 4> flags{0, 1, 0, 0};
+  flag_masked(mask, features, flags);
+  CHECK(flags == std::array<std::uint8_t, 4>{1, 1, 0, 0});
+}
