@@ -2,7 +2,9 @@
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 
 #include <cstdint>
+#include <exception>
 #include <iterator>
+#include <optional>
 #include <string_view>
 #include <unordered_map>
 #include <utility>
@@ -29,64 +31,48 @@ SemanticMapper::SemanticMapper(const PinholeBrownConrady<double>& camera, int wi
     : options_(options),
       scanner_(camera, width, height, options.scan),
       tree_(options.resolution),
-      voxels_(tree_.grid()) {
+      voxels_(tree_.grid()),
+      queue_(options.queue) {
   interop::set_parameters(tree_, options_.occupancy);
   thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
 }
 
 void SemanticMapper::insert(MapKeyframe keyframe) {
-  enqueue(std::move(keyframe));
+  queue_.push(std::move(keyframe));
 }
 
 void SemanticMapper::repose(Poses T_w_c) {
   if (!options_.retain_scans) throw UsageError("a map without retained scans cannot follow corrected poses");
-  enqueue(std::move(T_w_c));
-}
-
-void SemanticMapper::enqueue(Job job) {
-  std::unique_lock lock(mutex_);
-  changed_.wait(lock, [&] { return queue_.size() < options_.queue || failure_; });
-  if (failure_) std::rethrow_exception(failure_);
-  queue_.push_back(std::move(job));
-  changed_.notify_all();
+  queue_.push(std::move(T_w_c));
 }
 
 void SemanticMapper::finish() {
-  std::unique_lock lock(mutex_);
-  changed_.wait(lock, [&] { return (queue_.empty() && !busy_) || failure_; });
-  if (failure_) std::rethrow_exception(failure_);
-}
-
-bool SemanticMapper::next(const std::stop_token& stop, std::optional<Job>& job) {
-  job.reset();
-  std::unique_lock lock(mutex_);
-  // Scans that are not retained need not pile up: they are fused first.
-  if (behind() && (queue_.empty() || !options_.retain_scans)) return !stop.stop_requested();
-  busy_ = false;
-  changed_.notify_all();
-  if (!changed_.wait(lock, stop, [&] { return !queue_.empty(); })) return false;
-  job = std::move(queue_.front());
-  queue_.pop_front();
-  busy_ = true;
-  changed_.notify_all();
-  return true;
+  queue_.join();
 }
 
 void SemanticMapper::work(const std::stop_token& stop) {
   step_back(StepBack::some);
+  std::size_t taken = 0;  // jobs whose scans are not all in the tree
   try {
-    for (std::optional<Job> job; next(stop, job);) {
+    while (!stop.stop_requested()) {
+      std::optional<Job> job;
+      if (!behind()) {
+        queue_.done(std::exchange(taken, 0));
+        job = queue_.pop(stop);
+        if (!job) return;
+      } else if (options_
+                     .retain_scans) {  // scans that are not retained need not pile up: they are fused first
+        job = queue_.try_pop();
+      }
       if (job) {
+        ++taken;
         std::visit([this](auto& what) { run(what); }, *job);
       } else {
         fuse_next();
       }
     }
   } catch (...) {
-    const std::lock_guard lock(mutex_);
-    busy_ = false;
-    failure_ = std::current_exception();
-    changed_.notify_all();
+    queue_.close(std::current_exception());
   }
 }
 
@@ -134,7 +120,7 @@ std::vector<std::pair<int, SE3<double>>> SemanticMapper::load_scans(const std::f
     poses.emplace_back(id, T_w_c);
   }
   in.finish();
-  enqueue(std::move(scans));
+  queue_.push(std::move(scans));
   return poses;
 }
 

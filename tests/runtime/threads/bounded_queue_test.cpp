@@ -130,6 +130,30 @@ TEST_CASE("a consumer's failure reaches whoever waits to push and whoever joins"
   CHECK(thrown == 6);
 }
 
+TEST_CASE("try_pop() does not wait, and several items can be done at once") {
+  BoundedQueue<int> queue(2);
+  CHECK_FALSE(queue.try_pop());
+  queue.push(1);
+  queue.push(2);
+  std::jthread producer([&] { queue.push(3); });  // waits for room
+  CHECK(queue.try_pop() == 1);
+  producer.join();
+  CHECK(queue.try_pop() == 2);
+  CHECK(queue.try_pop() == 3);
+  CHECK_FALSE(queue.try_pop());
+  std::atomic<bool> joined{false};
+  {
+    const std::jthread other([&] {
+      queue.join();
+      joined = true;
+    });
+    queue.done(2);
+    CHECK_FALSE(joined);
+    queue.done();
+  }
+  CHECK(joined);
+}
+
 TEST_CASE("a stop request wakes who waits for room and who waits for an item") {
   for (int trial = 0; trial < 200; ++trial) {
     BoundedQueue<int> full(1), empty(1);

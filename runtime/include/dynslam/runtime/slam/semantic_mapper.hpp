@@ -1,14 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <condition_variable>
 #include <cstddef>
-#include <deque>
-#include <exception>
 #include <filesystem>
-#include <mutex>
 #include <opencv2/core.hpp>
-#include <optional>
 #include <thread>
 #include <utility>
 #include <variant>
@@ -18,6 +13,7 @@
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/interop/octomap_semantic_tree.hpp"
 #include "dynslam/runtime/slam/map_scan.hpp"
+#include "dynslam/runtime/threads/bounded_queue.hpp"
 #include "dynslam/semantic/log_odds.hpp"
 
 namespace dynslam::runtime {
@@ -89,10 +85,7 @@ class SemanticMapper {
   using Scans = std::vector<Retained>;
   using Job = std::variant<MapKeyframe, Poses, Scans>;
 
-  void enqueue(Job job);
   void work(const std::stop_token& stop);
-  /// The next thing to do: a job, or none while scans wait to be fused. @return false at the end
-  bool next(const std::stop_token& stop, std::optional<Job>& job);
   /// Whether scans are still to be fused. Of the thread alone.
   [[nodiscard]] bool behind() const { return fused_ < scans_.size(); }
   void fuse_next();
@@ -107,11 +100,7 @@ class SemanticMapper {
   Scans scans_;            // in their order; those that are fused are kept where they are retained
   std::size_t fused_ = 0;  // of them, in the tree
 
-  std::mutex mutex_;
-  std::condition_variable_any changed_;
-  std::deque<Job> queue_;
-  bool busy_ = false;
-  std::exception_ptr failure_;
+  BoundedQueue<Job> queue_;
   std::jthread thread_;  // last: it uses all of the above
 };
 

@@ -58,10 +58,20 @@ class BoundedQueue {
     return item;
   }
 
-  /// An item that pop() gave is worked off.
-  void done() {
+  /// The first item where there is one now.
+  std::optional<T> try_pop() {
     const std::lock_guard lock(mutex_);
-    if (unfinished_ > 0) --unfinished_;
+    if (items_.empty()) return std::nullopt;
+    std::optional<T> item(std::move(items_.front()));
+    items_.pop_front();
+    changed_.notify_all();
+    return item;
+  }
+
+  /// So many of the items that pop() gave are worked off.
+  void done(std::size_t count = 1) {
+    const std::lock_guard lock(mutex_);
+    unfinished_ -= std::min(count, unfinished_);
     changed_.notify_all();
   }
 
