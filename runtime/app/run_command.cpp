@@ -83,6 +83,12 @@ void add_segmentation_options(CLI::App& app, rt::SegmentationStageOptions& s) {
 }
 
 void add_slam_options(CLI::App& app, rt::RunOptions& o) {
+  app.add_option_function<std::string>(
+         "--method", [&o](const std::string& name) { o.tracker.method = *rt::parse_method(name); },
+         "paper: the paper's steps alone; full: also free space, people at rest, surface weights, motion "
+         "prior")
+      ->default_str("full")
+      ->check(CLI::IsMember({"paper", "full"}));
   app.add_option("--map", o.map, "Build and save map.ot")->capture_default_str();
   app.add_option("--map-resolution", o.map_resolution, "Edge of a voxel [m], 0.005 to 1")
       ->capture_default_str()

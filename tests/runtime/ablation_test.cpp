@@ -9,6 +9,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "dynslam/runtime/evaluation/ablate.hpp"
 #include "dynslam/runtime/evaluation/evaluate.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/slam/pipeline.hpp"
@@ -60,6 +61,38 @@ TEST_CASE(
   CHECK(ate[DynamicsMode::both] < 0.01);
   CHECK(evaluate_masks(out.path / "geometric" / "masks", sequence.path / "box_mask").recall > 0.7);
   CHECK(evaluate_masks(out.path / "geometric" / "masks", sequence.path / "dynamic_mask").iou > 0.5);
+}
+
+TEST_CASE("without movers and masks the modes of an ablation give the same poses; those of run need not") {
+  // What an ablation compares are masks: where there are none, nothing else may tell its modes apart.
+  const test::WalkingSequence sequence(25);
+  const test::TemporaryFolder masks, out;
+  for (const FrameRecord& frame : load_sequence(sequence.path).frames)
+    cv::imwrite((masks.path / (frame.stamp + ".png")).string(), cv::Mat::zeros(480, 640, CV_8UC1));
+  for (const auto method : {Method::paper, Method::full}) {
+    for (const auto mode : {DynamicsMode::none, DynamicsMode::semantic}) {
+      RunOptions o = options_for(sequence.path, out.path / std::string(to_string(mode)), mode);
+      o.masks = masks.path;
+      o.map = false;
+      o.tracker.method = method;
+      o.tracker.additions = ablation_additions(method);
+      (void)run_sequence(o, kNeverStop);
+    }
+    CHECK(test::bytes(out.path / "none" / "trajectory.txt") ==
+          test::bytes(out.path / "semantic" / "trajectory.txt"));
+  }
+}
+
+TEST_CASE("the paper's method takes none of the additions, and none is the same baseline with either") {
+  for (const auto mode :
+       {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both}) {
+    const Additions a = additions(Method::paper, mode);
+    CHECK_FALSE((a.surface_weights || a.motion_prior || a.strict_local_map || a.proven_points));
+  }
+  CHECK_FALSE(additions(Method::full, DynamicsMode::none).surface_weights);
+  CHECK(additions(Method::full, DynamicsMode::semantic).surface_weights);
+  CHECK_FALSE(additions(Method::full, DynamicsMode::semantic).strict_local_map);
+  CHECK(additions(Method::full, DynamicsMode::both).proven_points);
 }
 
 TEST_CASE("a carried board with most of the corners in view is not taken for the scene by geometry") {

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <stdexcept>
 #include <thread>
 #include <vector>
 
@@ -93,6 +94,20 @@ TEST_CASE("an interruption saves what was computed") {
   CHECK(read_trajectory(out.path / "trajectory.txt").size() == 12);
   CHECK(fs::exists(out.path / "map.ot"));
   CHECK(nlohmann::json::parse(bytes(out.path / "summary.json"))["interrupted"] == true);
+}
+
+TEST_CASE("a failure in the middle, and a file that cannot be written, cost nothing else") {
+  const test::TemporaryFolder out;
+  RunOptions o = options_for(walking(), out.path, DynamicsMode::geometric);
+  fs::create_directories(out.path / "keyframes.txt");  // where a file should be
+  const auto fail_at_12 = [](const Progress& p) {
+    if (p.done == 12) throw std::runtime_error("the display is gone");
+  };
+  CHECK_THROWS_WITH_AS((void)run_sequence(o, kNeverStop, fail_at_12), "the display is gone",
+                       std::runtime_error);
+  CHECK(read_trajectory(out.path / "trajectory.txt").size() == 12);
+  CHECK(fs::exists(out.path / "map.ot"));
+  CHECK(nlohmann::json::parse(bytes(out.path / "summary.json"))["tracked"] == 12);
 }
 
 TEST_CASE("what cannot work is refused in one line, and what was computed before a failure is saved") {

@@ -115,6 +115,7 @@ std::vector<std::string> notes(const Ablation& ablation) {
   if (baseline(ablation) != nullptr) {
     lines.emplace_back("impr.: improvement over none in percent (Eq 13)");
   }
+  lines.emplace_back("the modes differ by their masks alone; dynslam run adds to each what it can use");
   if (ablation.semantic_skipped) {
     lines.emplace_back(
         "semantic and both were not run: the sequence has no label/ folder, and neither --model nor --masks "
@@ -190,11 +191,13 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
                      "is missing: the ablation needs ground truth");
   RunOptions run = options;
   run.save_masks = true;
+  if (!run.tracker.additions) run.tracker.additions = ablation_additions(run.tracker.method);
   const bool network = !run.segmentation.segmenter.model.empty();
   if (run.masks.empty() && !network && fs::is_directory(options.sequence / "label"))
     run.masks = options.sequence / "label";
 
   Ablation result;
+  result.method = options.tracker.method;
   result.sequence = options.sequence.filename().empty() ? options.sequence.parent_path().filename().string()
                                                         : options.sequence.filename().string();
   result.semantic_skipped = run.masks.empty() && !network;
@@ -259,7 +262,7 @@ std::vector<Table> tables(const Ablation& ablation) {
 }
 
 std::string to_text(const Ablation& ablation) {
-  std::string text = "Sequence: " + ablation.sequence + '\n';
+  std::string text = fmt::format("Sequence: {}, method: {}\n", ablation.sequence, to_string(ablation.method));
   for (const Table& table : tables(ablation)) text += '\n' + to_text(table);
   text += '\n';
   for (const std::string& note : notes(ablation)) text += note + '\n';
@@ -267,7 +270,7 @@ std::string to_text(const Ablation& ablation) {
 }
 
 std::string to_markdown(const Ablation& ablation) {
-  std::string text = fmt::format("## {}\n", ablation.sequence);
+  std::string text = fmt::format("## {}, method: {}\n", ablation.sequence, to_string(ablation.method));
   for (const Table& table : tables(ablation)) text += '\n' + to_markdown(table);
   text += '\n';
   for (const std::string& note : notes(ablation)) text += "- " + note + '\n';
@@ -276,6 +279,7 @@ std::string to_markdown(const Ablation& ablation) {
 
 nlohmann::json to_json(const Ablation& ablation) {
   nlohmann::json j{{"sequence", ablation.sequence},
+                   {"method", std::string(to_string(ablation.method))},
                    {"semantic_skipped", ablation.semantic_skipped},
                    {"interrupted", ablation.interrupted},
                    {"modes", nlohmann::json::object()}};

@@ -25,4 +25,15 @@ std::string_view to_string(DynamicsMode mode) {
   return "unknown";
 }
 
+std::optional<Method> parse_method(std::string_view name) {
+  for (const auto method : {Method::paper, Method::full}) {
+    if (name == to_string(method)) return method;
+  }
+  return std::nullopt;
+}
+
+std::string_view to_string(Method method) {
+  return method == Method::paper ? "paper" : "full";
+}
+
 }  // namespace dynslam::runtime

@@ -558,7 +558,12 @@ cv::Mat GeometricSegmenter::segment(const RgbdFrame& input, const ImagePyramid& 
   track_reference(input, pyramid, T_c_w, prior, statistics);
   Stopwatch watch;
   reduce(input.depth);
-  check_free_space(T_c_w);
+  if (options_.free_space) {
+    check_free_space(T_c_w);
+  } else {
+    for (auto* image : {&seed_, &barrier_, &verified_}) image->fill(0);
+    age_.fill(kNeverSeen);
+  }
   add_keypoint_seeds();
   statistics.dense_ms = watch.lap_ms();
   grow(statistics);

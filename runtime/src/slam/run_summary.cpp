@@ -15,6 +15,7 @@ nlohmann::json configuration(const RunOptions& options, const CameraConfig& came
   return {{"sequence", options.sequence.string()},
           {"camera", camera.name},
           {"dynamics", std::string(to_string(options.dynamics))},
+          {"method", std::string(to_string(t.method))},
           {"masks", options.masks.string()},
           {"model", options.segmentation.segmenter.model.string()},
           {"segment_every", options.segmentation.every},

@@ -40,6 +40,12 @@ PointMakerOptions<double> point_options(const TrackerOptions& options) {
   return result;
 }
 
+GeometryOptions geometry_options(const TrackerOptions& options) {
+  GeometryOptions result = options.geometry;
+  result.free_space = result.free_space && options.method == Method::full;
+  return result;
+}
+
 }  // namespace
 
 std::string_view to_string(TrackingState state) {
@@ -59,11 +65,12 @@ std::string_view to_string(TrackingState state) {
 Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
     : camera_(camera),
       options_(options),
+      additions_(options.additions.value_or(additions(options.method, options.dynamics))),
       extractor_(options.features),
       matcher_(camera.model, camera.width, camera.height, extractor_.scales(), options.matching),
       pose_(camera.model.pinhole(), pose_options(options)),
       points_(camera.model.pinhole(), camera.width, camera.height, point_options(options)),
-      geometry_(camera, options.geometry),
+      geometry_(camera, geometry_options(options)),
       bundle_(camera.model.pinhole(), options.local_bundle),
       verifier_(camera.model.pinhole(), camera.model, options.depth_noise, options.relocalisation),
       loops_(camera.model.pinhole(), camera.model, options.depth_noise, options.loops) {}
@@ -197,16 +204,14 @@ bool Tracker::try_initial_pose(Present& now, const SE3<double>& predicted, float
   SurfaceOptions<double> surface;
   surface.width = camera_.width;
   surface.height = camera_.height;
-  const bool weigh =
-      options_.dynamics != DynamicsMode::none;  // which is the baseline: all features are equal
-  if (weigh) {
+  if (additions_.motion_prior) {
     const double interval = std::max(1e-3, now.input.t - last_.t);
     consensus.prior_share = o.prior_share;
     consensus.prior_translation = o.prior_speed * interval;
     consensus.prior_rotation = o.prior_turn * interval;
   }
   const SE3<double> start = pose_.consensus(predicted, std::span<const SE3<double>>(&last_.T_c_w, 1),
-                                            consensus, weigh ? &surface : nullptr);
+                                            consensus, additions_.surface_weights ? &surface : nullptr);
   pose_.keep_consistent(start, consensus.truncation, now.frame);
   const PoseResult<double> pose = pose_.optimize(map_, start, now.frame);
   if (pose.inliers < o.weak_inliers) return false;
@@ -217,7 +222,7 @@ bool Tracker::try_initial_pose(Present& now, const SE3<double>& predicted, float
 
 bool Tracker::prove_on_local_map(Present& now, int wanted) {
   matcher_.match_local(map_, now.T_c_w, now.image->pyramid, now.depth, now.frame);
-  if (uses_geometry(options_.dynamics)) {
+  if (additions_.strict_local_map) {
     // The pose is good to a fraction of a pixel already. What is farther off moves, and were it let in, a
     // robust kernel would give it its share.
     pose_.gather(map_, now.frame);
@@ -266,7 +271,7 @@ void Tracker::find_movers(Present& now, const std::optional<Masks>& prior) {
   if (geometry_.has_reference()) geometry_.place_reference(map_.pose(reference_id_));
   const cv::Mat moving =
       geometry_.segment(now.input, now.image->pyramid, now.T_c_w, now.semantic, result.geometry);
-  if (!now.semantic.empty()) give_back_resting(now, *prior, moving);
+  if (!now.semantic.empty() && options_.method == Method::full) give_back_resting(now, *prior, moving);
   cv::bitwise_or(result.dynamic_mask, moving, result.dynamic_mask);
   result.times[Stage::lucas_kanade] = result.geometry.lk_ms;
   result.times[Stage::residuals] = result.geometry.residuals_ms;

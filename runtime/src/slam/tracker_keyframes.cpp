@@ -21,7 +21,7 @@ void Tracker::insert_keyframe(Present& now) {
   Frame& frame = now.frame;
   frame.T_c_w = frame.T_c_w * settle();  // the bundle adjustment writes the map, and so does what follows
   points_.trust_all(frame);
-  if (uses_geometry(options_.dynamics) && initialised_)
+  if (additions_.proven_points && uses_geometry(options_.dynamics) && initialised_)
     points_.trust(frame, [&](float u, float v) { return geometry_.verified_static(u, v); });
   last_keyframe_tracked_ = points_.make(map_, now.image->pyramid, frame);
   last_keyframe_index_ = frame.index;

@@ -27,14 +27,24 @@ struct AblationRow {
 
 struct Ablation {
   std::string sequence;
+  Method method = Method::full;
   std::vector<AblationRow> rows;  ///< in the order none, semantic, geometric, both
   bool semantic_skipped = false;  ///< no a-priori masks: only none and geometric were run
   bool interrupted = false;       ///< `rows` holds the modes that were finished before
 };
 
-/// Runs a sequence in all four modes (the paper's Table 4) into out/<mode>/ and writes tables.txt,
-/// tables.md, ablation.json, trajectory_<mode>.png (Fig. 5), overlays.png (Fig. 3),
-/// <mode>/overlays/<stamp>.png, ate_over_time.png, map.png and map_height.png.
+/// What all modes of an ablation take beside their masks, so that they differ by these alone: with `full` all
+/// that does not need a geometric mask itself.
+[[nodiscard]] constexpr Additions ablation_additions(Method method) {
+  const bool full = method == Method::full;
+  return {full, full, full, false};
+}
+
+/// Runs a sequence in all four modes (the paper's Table 4), which differ by their masks alone, into
+/// out/<mode>/ and writes tables.txt, tables.md, ablation.json, trajectory_<mode>.png (Fig. 5), overlays.png
+/// (Fig. 3), <mode>/overlays/<stamp>.png, ate_over_time.png, map.png and map_height.png.
+/// `options.tracker.method` says which segmentation and tracking; what the modes have in common is
+/// ablation_additions(), unless the options say it.
 /// A-priori masks come from `options.masks` or from the sequence's own label/ folder.
 /// @throws InputError  like run_sequence, and without ground truth
 [[nodiscard]] Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,

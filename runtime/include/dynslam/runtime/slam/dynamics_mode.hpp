@@ -18,4 +18,30 @@ enum class DynamicsMode { none, semantic, geometric, both };
   return m == DynamicsMode::geometric || m == DynamicsMode::both;
 }
 
+/// What finds movers and what the tracker takes beside the masks.
+enum class Method {
+  paper,  ///< the paper's path alone: masks from dynamic keypoints and from the network, united; all features
+          ///< alike
+  full    ///< also free-space history, people at rest, and `Additions`
+};
+
+[[nodiscard]] std::optional<Method> parse_method(std::string_view name);
+[[nodiscard]] std::string_view to_string(Method method);
+
+/// What this system adds to the paper's tracking, beside the masks.
+struct Additions {
+  bool surface_weights = true;   ///< features count by the surface that they stand for (surface_weights())
+  bool motion_prior = true;      ///< the predicted motion counts in the consensus, too
+  bool strict_local_map = true;  ///< matches of the local map that are far off never enter the optimisation
+  bool proven_points =
+      true;  ///< points are made on surfaces that are known to have stayed; needs geometric masks
+};
+
+/// What a run of a method and mode takes: nothing with the paper's, and with `none`, which is the baseline.
+[[nodiscard]] constexpr Additions additions(Method method, DynamicsMode mode) {
+  const bool full = method == Method::full, geometry = full && uses_geometry(mode);
+  const bool masked = full && mode != DynamicsMode::none;
+  return {masked, masked, geometry, geometry};
+}
+
 }  // namespace dynslam::runtime

@@ -31,6 +31,7 @@ struct GeometryOptions {
   double tau = 0.25;             ///< static weight below which a keypoint is dynamic (numerator nu + d)
   std::uint64_t seed = 1;        ///< of the RANSAC
   // Dense free-space check
+  bool free_space = true;  ///< false: dynamic keypoints alone start the growing
   int stride = 4;          ///< pixels per cell of the reduced grid
   double max_depth = 5.0;  ///< metres; beyond, depth is too noisy to judge
   FreeSpaceMargins<float> margins;

@@ -85,6 +85,7 @@ class Tracker {
 
   CameraConfig camera_;
   TrackerOptions options_;
+  Additions additions_;
   FeatureExtractor extractor_;
   LocalMatcher<decltype(CameraConfig::model)> matcher_;
   MatchedPose<double> pose_;

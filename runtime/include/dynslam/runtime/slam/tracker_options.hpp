@@ -39,6 +39,8 @@ struct PoseSearchOptions {
 
 struct TrackerOptions {
   DynamicsMode dynamics = DynamicsMode::both;
+  Method method = Method::full;
+  std::optional<Additions> additions;  ///< empty: as method and mode have them
   FeatureOptions features;
   GeometryOptions geometry;
   std::uint64_t seed = 1;  ///< of the consensus
