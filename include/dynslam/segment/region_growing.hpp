@@ -53,7 +53,7 @@ struct RegionGrowingWorkspace {
     std::size_t begin, size;  ///< in `queue`
     std::int64_t first;       ///< its first pixel, row by row; computed where it decides
   };
-  Image<std::uint8_t> visited;
+  Image<std::uint8_t> visited;    ///< with a rim of one pixel
   std::vector<PixelIndex> queue;  ///< pixels of the regions, one after the other
   std::vector<Region> regions;
 };
@@ -67,44 +67,60 @@ struct NoBarrier {
   [[nodiscard]] std::uint8_t operator()(int, int) const { return 0; }
 };
 
-/// Marks as visited what growing must not enter. @return pixels of valid depth
+/// Marks as visited what growing must not enter, in an image with a closed rim of one pixel, so that growing
+/// needs no look at the border. @return pixels of valid depth
 template <class D, class Barrier>
 std::size_t close_pixels(const D& depth, const Barrier& barrier, Image<std::uint8_t>& visited) {
+  const int w = depth.width(), h = depth.height();
   std::size_t valid = 0;
-  visited.resize(depth.width(), depth.height());
-  for (int v = 0; v < depth.height(); ++v) {
+  visited.resize(w + 2, h + 2);
+  std::fill_n(visited.row(0), w + 2, std::uint8_t{1});
+  std::fill_n(visited.row(h + 1), w + 2, std::uint8_t{1});
+  for (int v = 0; v < h; ++v) {
     const auto z = image_row(depth, v);
     const auto closed = image_row(barrier, v);
-    std::uint8_t* out = visited.row(v);
-    for (int u = 0; u < depth.width(); ++u) {
+    std::uint8_t* out = visited.row(v + 1);
+    out[0] = out[w + 1] = 1;
+    for (int u = 0; u < w; ++u) {
       const bool ok = is_valid_depth(z[u]);
       valid += ok ? 1 : 0;
-      out[u] = ok && closed[u] == 0 ? 0 : 1;
+      out[u + 1] = ok && closed[u] == 0 ? 0 : 1;
     }
   }
   return valid;
 }
 
 /// Appends to the queue everything that a seed reaches.
-template <class D, class Criterion>
-void grow_from(const D& depth, PixelIndex seed, const Criterion& criterion, std::span<const PixelStep> steps,
+template <Connectivity connectivity, class D, class Criterion>
+void grow_from(const D& depth, PixelIndex seed, const Criterion& criterion,
                RegionGrowingWorkspace& workspace) {
   using S = typename D::Pixel;
-  const int w = depth.width(), h = depth.height();
-  auto& visited = workspace.visited;
   auto& queue = workspace.queue;
+  const int width = workspace.visited.width();
+  std::uint8_t* visited = workspace.visited.data() + width + 1;  // of the pixel (0, 0)
+  const auto place = [width](int u, int v) { return static_cast<std::ptrdiff_t>(v) * width + u; };
   std::size_t head = queue.size();
   queue.push_back(seed);
-  visited(seed.u, seed.v) = 1;
+  visited[place(seed.u, seed.v)] = 1;
   for (; head < queue.size(); ++head) {
     const PixelIndex p = queue[head];
     const GrowingSite<S> from{p.u, p.v, depth(p.u, p.v)};
-    for (const PixelStep& step : steps) {
-      const int u = p.u + step.du, v = p.v + step.dv;
-      if (u < 0 || v < 0 || u >= w || v >= h || visited(u, v) != 0) continue;
-      if (!may_step(criterion, from, GrowingSite<S>{u, v, depth(u, v)})) continue;
-      visited(u, v) = 1;
+    const auto step = [&](int du, int dv) {
+      const int u = p.u + du, v = p.v + dv;
+      std::uint8_t& seen = visited[place(u, v)];
+      if (seen != 0 || !may_step(criterion, from, GrowingSite<S>{u, v, depth(u, v)})) return;
+      seen = 1;
       queue.push_back({u, v});
+    };
+    step(-1, 0);
+    step(1, 0);
+    step(0, -1);
+    step(0, 1);
+    if constexpr (connectivity == Connectivity::eight) {
+      step(-1, -1);
+      step(1, -1);
+      step(-1, 1);
+      step(1, 1);
     }
   }
 }
@@ -142,15 +158,19 @@ RegionGrowingResult grow_regions(const D& depth, const Barrier& barrier, std::sp
   };
   const std::size_t limit = share(options.max_region_fraction);
   const auto smallest = static_cast<std::size_t>(std::max(0, options.min_region_pixels));
-  const auto steps = neighbour_steps(options.connectivity);
   workspace.queue.clear();
   workspace.regions.clear();
   RegionGrowingResult result;
   for (const PixelIndex& seed : seeds) {
-    if (seed.u < 0 || seed.v < 0 || seed.u >= w || seed.v >= h || workspace.visited(seed.u, seed.v) != 0)
+    if (seed.u < 0 || seed.v < 0 || seed.u >= w || seed.v >= h ||
+        workspace.visited(seed.u + 1, seed.v + 1) != 0)
       continue;
     const std::size_t begin = workspace.queue.size();
-    grow_from(depth, seed, criterion, steps, workspace);
+    if (options.connectivity == Connectivity::eight) {
+      grow_from<Connectivity::eight>(depth, seed, criterion, workspace);
+    } else {
+      grow_from<Connectivity::four>(depth, seed, criterion, workspace);
+    }
     const std::size_t size = workspace.queue.size() - begin;
     if (size <= limit && size >= smallest) {
       ++result.regions;
