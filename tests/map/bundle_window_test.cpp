@@ -191,3 +191,32 @@ TEST_CASE_TEMPLATE(
   CHECK(window.problem().poses.empty());
   CHECK(window.problem().observations.empty());
 }
+
+TEST_CASE_TEMPLATE("sights of a point behind the camera are forgotten and spoil nothing else", S, float,
+                   double) {
+  test::Rng rng("local bundle behind");
+  World<S> w(rng, 0);
+  MapPoint<S> behind;
+  behind.p_w = {S(0.1), S(0.2), S(-2)};
+  const int id = w.map.add_point(behind);
+  for (const int k : {2, 3, 5}) {  // wrong matches with it
+    auto& frame = w.map.keyframe(k).frame;
+    Feature f;
+    f.x = 300;
+    f.y = 200;
+    f.depth = 2;
+    frame.features.push_back(f);
+    frame.point.push_back(-1);
+    w.map.observe(k, static_cast<int>(frame.point.size()) - 1, id);
+  }
+  BundleWindow<S> window;
+  window.collect(w.map, w.noise);
+  REQUIRE(w.adjust(window).ok());
+  (void)window.apply(w.camera, w.map);
+  CHECK(w.map.point(id).bad);
+  CHECK(w.map.point(id).keyframes.empty());
+  for (std::size_t k = 0; k < w.truth.size(); ++k) {
+    CHECK((w.map.keyframes()[k].frame.T_c_w * w.truth[k].inverse()).translation().norm() < S(0.004));
+    for (int p = 0; p < 300; ++p) CHECK((w.map.keyframes()[k].frame.T_c_w * w.map.point(p).p_w).z() > S(0));
+  }
+}

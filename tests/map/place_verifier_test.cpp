@@ -3,9 +3,11 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "dynslam/geometry/pinhole.hpp"
+#include "equidistant_camera.hpp"
 #include "round_room.hpp"
 
 using namespace dynslam;
@@ -27,6 +29,7 @@ TEST_CASE_TEMPLATE("a place is confirmed by its points, and refused where the de
     return verifier.verify(room.map, frame, scaled, 1);
   };
   const auto found = verify(1.0F);
+  CAPTURE(static_cast<int>(found.status));
   REQUIRE(found.ok());
   CHECK(found.matches.size() > 100);
   CHECK((found.T_c_w * room.truth[3].inverse()).translation().norm() < S(0.01));
@@ -56,4 +59,24 @@ TEST_CASE_TEMPLATE("what shows another place is refused by the first test that i
   Frame<S> moving = room.map.keyframe(11).frame;
   moving.dynamic.assign(moving.features.size(), 1);
   CHECK(verifier.verify(room.map, moving, depth, 11).status == PlaceStatus::too_few_matches);
+}
+
+TEST_CASE_TEMPLATE("the depth image may be that of any camera, such as a fisheye of the test's own", S, float,
+                   double) {
+  using Camera = Pinhole<S>;
+  using Fisheye = test::EquidistantCamera<S>;
+  test::RoundRoom<Camera> room(Camera(S(525), S(525), S(319.5), S(239.5)));
+  room.drift.setZero();
+  for (int k = 0; k < 4; ++k) (void)room.add();
+  const Fisheye fisheye(S(300), S(319.5), S(239.5));
+  PlaceVerifier<Camera, Fisheye> verifier(room.camera, fisheye, room.noise);
+  const Frame<S> frame = room.map.keyframe(3).frame;
+  const auto found = verifier.verify(room.map, frame, room.depth(room.truth[3], fisheye), 1);
+  REQUIRE(found.ok());
+  CHECK((found.T_c_w * room.truth[3].inverse()).translation().norm() < S(0.01));
+  Image<float> farther = room.depth(room.truth[3], fisheye);
+  for (int v = 0; v < farther.height(); ++v) {
+    for (int u = 0; u < farther.width(); ++u) farther(u, v) *= 1.5F;
+  }
+  CHECK(verifier.verify(room.map, frame, farther, 1).status == PlaceStatus::contradicted);
 }

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <numbers>
+#include <optional>
 #include <vector>
 
 #include "dynslam/concepts/camera.hpp"
@@ -50,13 +51,16 @@ struct RoundRoom {
   }
 
   /// Depth of the wall; where the camera has no ray there is none.
-  [[nodiscard]] Image<float> depth(const SE3<S>& T_c_w) const {
+  [[nodiscard]] Image<float> depth(const SE3<S>& T_c_w) const { return depth(T_c_w, camera); }
+  /// The same through another lens.
+  template <CameraModel Other>
+  [[nodiscard]] Image<float> depth(const SE3<S>& T_c_w, const Other& through) const {
     Image<float> image(kWidth, kHeight, std::nanf(""));
     const SE3<S> T_w_c = T_c_w.inverse();
     const Vector3 o = T_w_c.translation();
     for (int v = 0; v < kHeight; ++v) {
       for (int u = 0; u < kWidth; ++u) {
-        const auto ray = unproject(Vector2(S(u), S(v)), S(1));
+        const std::optional<Vector3> ray = through.unproject(Vector2(S(u), S(v)), S(1));
         if (!ray) continue;
         const Vector3 d = T_w_c.so3() * *ray;
         const S a = d.squaredNorm(), b = d.dot(o), c = o.squaredNorm() - S(kRadius * kRadius);
@@ -89,7 +93,8 @@ struct RoundRoom {
       feature.v = feature.y = static_cast<float>(x->y() + S(0.3 * rng.normal()));
       feature.sigma = 0.5F;
       feature.depth = static_cast<float>(p_c.z() + S(0.005 * rng.normal()));
-      const auto measured = unproject(Vector2(S(feature.x), S(feature.y)), S(feature.depth));
+      const std::optional<Vector3> measured =
+          camera.unproject(Vector2(S(feature.x), S(feature.y)), S(feature.depth));
       if (!measured) continue;
       f.features.push_back(feature);
       f.descriptors.push_back(descriptors[j]);
@@ -132,10 +137,6 @@ struct RoundRoom {
   }
 
  private:
-  [[nodiscard]] std::optional<Vector3> unproject(const Vector2& x, const S& z) const {
-    return camera.unproject(x, z);
-  }
-
   std::vector<int> active;
   std::vector<std::size_t> seen;
 };
