@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "dynslam/dynamics/free_space.hpp"
+#include "dynslam/image/depth_bounds.hpp"
 
 #include <doctest/doctest.h>
 

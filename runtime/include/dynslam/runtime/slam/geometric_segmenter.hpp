@@ -8,6 +8,7 @@
 
 #include "dynslam/dynamics/free_space.hpp"
 #include "dynslam/geometry/epipolar.hpp"
+#include "dynslam/image/depth_bounds.hpp"
 #include "dynslam/image/image.hpp"
 #include "dynslam/runtime/io/camera.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"

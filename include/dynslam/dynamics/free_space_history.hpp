@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "dynslam/config.hpp"
+#include "dynslam/dynamics/depth_grid.hpp"
+#include "dynslam/dynamics/free_space.hpp"
+#include "dynslam/geometry/se3.hpp"
+#include "dynslam/image/depth_bounds.hpp"
+#include "dynslam/image/image.hpp"
+
+namespace dynslam {
+
+struct FreeSpaceOptions {
+  double frame_rate = 30;  ///< of the frames that are remembered [1/s]; what follows is in seconds
+  /// Ages of the views that the present one is compared with, ascending [s]: near ones follow what was found,
+  /// far ones show slow motion.
+  std::array<double, 7> lags{1 / 30.0, 4 / 30.0, 8 / 30.0, 0.5, 25 / 30.0, 40 / 30.0, 2.0};
+  double old_lag = 8 / 30.0;     ///< a mover has left its own volume by then: what is still there supports
+  double rest_lag = 25 / 30.0;   ///< what has stayed for so long is at rest, even if it moved before
+  double follow_lag = 4 / 30.0;  ///< views up to this age hand their masks on
+  double carry = 20 / 30.0;      ///< how long a mask survives without new evidence
+  float near = 0.2F;             ///< nearer than this to an earlier camera nothing is judged [m]
+  float max_depth = 5.0F;        ///< beyond, depth is too noisy to judge [m]
+  FreeSpaceMargins<float> margins;
+};
+
+/// What the cells of the present frame are, by earlier views.
+struct FreeSpaceVerdicts {
+  /// `age` of a cell that no evidence speaks against.
+  static constexpr std::uint8_t kNever = 255;
+
+  Image<std::uint8_t> seed;      ///< 1: moved there, or was found moving shortly before
+  Image<std::uint8_t> barrier;   ///< 1: was there already, so growing must not enter
+  Image<std::uint8_t> verified;  ///< the same, and stays as it is: known to be static
+  Image<std::uint8_t> age;       ///< frames since direct evidence of motion; kNever: none
+
+  void resize(int width, int height) {
+    for (auto* image : {&seed, &barrier, &verified, &age}) image->resize(width, height);
+  }
+};
+
+/// What a remembered cell was taken for.
+enum CellState : std::uint8_t {
+  kCellStatic = 0,
+  kCellMoved = 1,     ///< by motion that was measured
+  kCellSuspected = 2  ///< by an a-priori mask alone (a person may sit still)
+};
+
+/// Remembers reduced depth images with their poses and tells which surfaces of a new one lie in space that
+/// was seen to be free (they moved there) or were there already (they are at rest): Eq (6) made dense and
+/// signed, over several ages. Memory of dropped views is used again.
+template <std::floating_point S>
+class FreeSpaceHistory {
+ public:
+  explicit FreeSpaceHistory(const FreeSpaceOptions& options = {}) : options_(options) {
+    for (const double lag : options_.lags) {
+      const std::size_t n = frames(lag);
+      if (lags_.empty() || n > lags_.back()) lags_.push_back(n);
+    }
+  }
+
+  [[nodiscard]] const FreeSpaceOptions& options() const { return options_; }
+  [[nodiscard]] std::size_t size() const { return views_.size(); }
+
+  /// Compares the cells of a frame at T_c_w with earlier views.
+  /// @param depth, smooth  as DepthGrid::reduce makes them
+  void check(const DepthGrid& grid, const Image<float>& depth, const Image<std::uint8_t>& smooth,
+             const SE3<S>& T_c_w, FreeSpaceVerdicts& out) {
+    const std::size_t cells = grid.cells();
+    violations_.assign(cells, 0);
+    support_.assign(cells, 0);
+    out.resize(grid.width(), grid.height());
+    out.age.fill(FreeSpaceVerdicts::kNever);
+    const std::size_t oldest = views_.size();
+    for (std::size_t k = 0; k < lags_.size(); ++k) {
+      std::size_t lag = lags_[k];
+      if (lag > oldest) {  // young sequence: the oldest view there is, once
+        if (k == 0 || oldest <= lags_[k - 1]) break;
+        lag = oldest;
+      }
+      compare(grid, depth, smooth, T_c_w, lag, out.age);
+    }
+    const std::size_t carry = frames(options_.carry);
+    for (std::size_t c = 0; c < cells; ++c) {
+      const bool contradicted = violations_[c] > support_[c];
+      std::uint8_t& age = out.age.data()[c];
+      const bool carried = age <= carry && support_[c] == 0;
+      out.seed.data()[c] = contradicted || carried ? 1 : 0;
+      if (contradicted) age = 0;
+      out.barrier.data()[c] = out.verified.data()[c] = support_[c] > violations_[c] ? 1 : 0;
+    }
+  }
+
+  /// Keeps a frame as evidence for later ones. Call it once per frame, in order.
+  /// @param state  CellState of each cell
+  /// @param age    frames since direct evidence, for cells that are not static
+  void remember(const Image<float>& depth, const SE3<S>& T_c_w, const Image<std::uint8_t>& state,
+                const Image<std::uint8_t>& age) {
+    View view;
+    if (!spare_.empty()) {
+      view = std::move(spare_.back());
+      spare_.pop_back();
+    }
+    view.bounds.compute(depth.view());
+    view.T_c_w = T_c_w;
+    view.state = state;
+    view.age = age;
+    views_.push_front(std::move(view));
+    if (views_.size() > lags_.back()) {
+      spare_.push_back(std::move(views_.back()));
+      views_.pop_back();
+    }
+  }
+
+  /// Moves the remembered frames with a correction of the map: new T_c_w = old T_c_w D.
+  void follow(const SE3<S>& D) {
+    for (View& view : views_) view.T_c_w = view.T_c_w * D;
+  }
+
+  void clear() {
+    for (View& view : views_) spare_.push_back(std::move(view));
+    views_.clear();
+  }
+
+ private:
+  struct View {
+    DepthBounds<float> bounds;
+    Image<std::uint8_t> state, age;
+    SE3<S> T_c_w;
+  };
+
+  [[nodiscard]] std::size_t frames(double seconds) const {
+    return static_cast<std::size_t>(std::max(1.0, std::round(seconds * options_.frame_rate)));
+  }
+
+  /// Adds what the view of age `lag` says to violations, support and ages.
+  void compare(const DepthGrid& grid, const Image<float>& depth, const Image<std::uint8_t>& smooth,
+               const SE3<S>& T_c_w, std::size_t lag, Image<std::uint8_t>& ages) {
+    constexpr std::size_t kBlock = 64;  // cells whose places are found at once
+    std::array<int, kBlock> cell;
+    std::array<float, kBlock> z;
+    const std::size_t cells = grid.cells();
+    const std::size_t old_lag = std::max<std::size_t>(2, std::min(frames(options_.old_lag), views_.size()));
+    const std::size_t rest_lag = frames(options_.rest_lag), follow_lag = frames(options_.follow_lag);
+    const View& view = views_[lag - 1];
+    const SE3<S> T_v_c = view.T_c_w * T_c_w.inverse();
+    const float* nearest = view.bounds.nearest.data();
+    const float* farthest = view.bounds.farthest.data();
+    const std::uint8_t* state = view.state.data();
+    const std::uint8_t* view_age = view.age.data();
+    std::uint8_t* age = ages.data();
+    for (std::size_t c = 0; c < cells; ++c) {
+      const std::size_t b = c % kBlock;
+      if (b == 0) {
+        const std::size_t n = std::min(kBlock, cells - c);
+        find_cells(grid, depth, T_v_c, c, std::span(cell).first(n), std::span(z).first(n));
+      }
+      if (cell[b] < 0) continue;
+      const auto q = static_cast<std::size_t>(cell[b]);
+      switch (free_space_evidence(z[b], nearest[q], farthest[q], options_.margins)) {
+        case DepthEvidence::violation:
+          if (smooth.data()[c] != 0 && lag > 1) ++violations_[c];
+          break;
+        case DepthEvidence::consistent:
+          if (state[q] == kCellMoved && lag <= follow_lag) {
+            age[c] = static_cast<std::uint8_t>(
+                std::min<std::size_t>({age[c], view_age[q] + lag, FreeSpaceVerdicts::kNever - 1U}));
+          }
+          // A surface that was in this very place long ago is at rest, whatever it was taken for then.
+          if (lag >= (state[q] == kCellMoved ? rest_lag : old_lag)) ++support_[c];
+          break;
+        case DepthEvidence::unknown:
+          break;
+      }
+    }
+  }
+
+  /// Where a view had the surfaces of the cells first, first + 1, ...: cell (-1: outside) and depth [m].
+  void find_cells(const DepthGrid& grid, const Image<float>& depths, const SE3<S>& T_v_c, std::size_t first,
+                  std::span<int> cell, std::span<float> z) const {
+    const Eigen::Matrix3f R = T_v_c.rotation_matrix().template cast<float>();
+    const Eigen::Vector3f t = T_v_c.translation().template cast<float>();
+    const float fx = grid.fx(), fy = grid.fy(), cx = grid.cx(), cy = grid.cy();
+    const float max_depth = options_.max_depth, near = options_.near;
+    const int columns = grid.width();
+    const auto width = static_cast<float>(columns), height = static_cast<float>(grid.height());
+    const float *depth = depths.data() + first, *rx = grid.ray_x() + first, *ry = grid.ray_y() + first;
+    for (std::size_t k = 0; k < cell.size(); ++k) {  // without branches: several at once
+      const float d = depth[k];
+      const float pz = d * (R(2, 0) * rx[k] + R(2, 1) * ry[k] + R(2, 2)) + t.z();
+      const float inverse = 1.0F / pz;
+      const float x = fx * (d * (R(0, 0) * rx[k] + R(0, 1) * ry[k] + R(0, 2)) + t.x()) * inverse + cx;
+      const float y = fy * (d * (R(1, 0) * rx[k] + R(1, 1) * ry[k] + R(1, 2)) + t.y()) * inverse + cy;
+      const bool inside = (d > 0.0F) & (d < max_depth) & (pz >= near) & (x >= 0.0F) & (y >= 0.0F) &
+                          (x < width) & (y < height);
+      // What is outside, or not a number, is not a place that an integer could hold.
+      const int i = static_cast<int>(inside ? x : 0.0F), j = static_cast<int>(inside ? y : 0.0F);
+      cell[k] = inside ? j * columns + i : -1;
+      z[k] = pz;
+    }
+  }
+
+  FreeSpaceOptions options_;
+  std::vector<std::size_t> lags_;  // frames, ascending
+  std::deque<View> views_;         // newest first
+  std::vector<View> spare_;        // memory of dropped views
+  std::vector<std::uint8_t> violations_, support_;
+};
+
+}  // namespace dynslam

@@ -1,0 +1,329 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "dynslam/concepts/camera.hpp"
+#include "dynslam/concepts/image.hpp"
+#include "dynslam/dynamics/depth_grid.hpp"
+#include "dynslam/dynamics/free_space_history.hpp"
+#include "dynslam/dynamics/reference_keyframe.hpp"
+#include "dynslam/dynamics/static_weights.hpp"
+#include "dynslam/features/corners.hpp"
+#include "dynslam/geometry/se3.hpp"
+#include "dynslam/image/image.hpp"
+#include "dynslam/image/image_view.hpp"
+#include "dynslam/image/pyramid.hpp"
+#include "dynslam/segment/mask_growing.hpp"
+#include "dynslam/segment/mask_upsampling.hpp"
+
+namespace dynslam {
+
+/// What the mask of moving things rests on.
+enum class Method : std::uint8_t {
+  paper,  ///< the paper's steps 5 to 10 alone: regions grown from dynamic keypoints
+  full    ///< also the space that earlier frames saw to be free, and surfaces verified to be at rest
+};
+
+/// Which dynamic keypoints start the growing. One may err; three close together that all move do not, and
+/// outweigh the depth check, which is blind to motion inside a surface.
+struct KeypointSeedOptions {
+  double radius = 1 / 16.0;  ///< how near others count, as a share of the image's width
+  int support = 3;  ///< dynamic ones that must be there, itself included, and not fewer than static ones
+};
+
+/// When the segmenter takes a new reference keyframe by itself.
+struct OwnReferenceOptions {
+  bool use = true;       ///< false: the host gives them (set_reference)
+  double max_age = 0.7;  ///< [s] at free_space.frame_rate: views must differ, and still show the same things
+  double min_share = 0.5;  ///< of its keypoints in view; fewer: a new one at once
+  CornerOptions corners;   ///< on the pyramid's level 1, where noise is halved
+};
+
+template <std::floating_point S>
+struct MotionSegmenterOptions {
+  Method method = Method::full;
+  ReferenceOptions reference;
+  OwnReferenceOptions own_reference;
+  StaticWeightsOptions<S> weights;
+  KeypointSeedOptions keypoint_seeds;
+  DepthGridOptions grid;
+  FreeSpaceOptions free_space;
+  MaskGrowingOptions growing;
+};
+
+enum class MotionStatus : std::uint8_t {
+  ok,
+  size_mismatch  ///< an image of another size than the first one, or than its fellow: nothing was done
+};
+
+/// A keypoint of the reference keyframe in the present frame, and the verdict on it.
+template <std::floating_point S>
+struct JudgedMatch {
+  Eigen::Matrix<S, 2, 1> x, x_m;  ///< recorded pixels in the reference and in the present image
+  S weight = S(1);                ///< Eq (7)
+  bool dynamic = false;
+};
+
+/// What moves in a frame.
+template <std::floating_point S>
+struct Motion {
+  MotionStatus status = MotionStatus::ok;
+  Image<std::uint8_t> mask;             ///< 255 where something moves, at the images' size
+  Image<std::uint8_t> verified;         ///< cells whose surface was in the same place long before
+  std::vector<JudgedMatch<S>> matches;  ///< mismatches left out; empty where too few were found
+  // How it came about.
+  int tracked = 0;     ///< reference keypoints found
+  int mismatches = 0;  ///< off their epipolar line
+  bool epipolar_used = false;
+  int dynamic_matches = 0;
+  StaticWeightScales<S> scales{};
+  int seeds = 0;           ///< cells that started the growing
+  int regions_leaked = 0;  ///< dropped by the guard
+  [[nodiscard]] bool ok() const { return status == MotionStatus::ok; }
+};
+
+/// Parts of a frame's work, as they are reported to `segment`'s observer.
+enum class MotionStage : std::uint8_t { matching, residuals, free_space, growing };
+
+/// Finds what moves in RGB-D images without knowing what it is, inside any SLAM system (paper, steps 5 to 9):
+///
+///     const auto& motion = segmenter.segment(gray, depth, T_c_w);   // with the pose as known so far
+///     ... drop features on motion.mask, optimise the pose ...
+///     segmenter.remember(T_c_w, motion.mask);                       // evidence for later frames
+///
+/// Images are of any type that is ImageLike, of the camera's recorded pixels; depth is in metres (invalid =
+/// NaN or <= 0) and registered to the grey image. Memory is kept between frames. Not thread-safe.
+template <std::floating_point S, DifferentiableCamera Camera>
+  requires std::same_as<typename Camera::ScalarType, S>
+class MotionSegmenter {
+ public:
+  using Options = MotionSegmenterOptions<S>;
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+
+  explicit MotionSegmenter(const Camera& camera, const Options& options = {})
+      : camera_(camera), options_(options), history_(options.free_space) {}
+
+  [[nodiscard]] const Options& options() const { return options_; }
+
+  /// Finds what moves in a frame with the given initial pose. The first call fixes the size of the images.
+  /// @param prior     a-priori mask of what may move, 0 x 0 without one: never enters scales or F
+  /// @param on_stage  called with each MotionStage when it is done (to take times)
+  /// @return valid until the next call
+  template <ImageLike G, DepthImage D, LabelImage M, class OnStage>
+  const Motion<S>& segment(const G& gray, const D& depth, const SE3<S>& T_c_w, const M& prior,
+                           OnStage&& on_stage) {
+    motion_.matches.clear();
+    if (!accept_size(gray, depth, prior)) {
+      motion_.status = MotionStatus::size_mismatch;
+      motion_.mask.fill(0);
+      return motion_;
+    }
+    motion_.status = MotionStatus::ok;
+    pyramid_.build(gray, options_.reference.levels);
+    reference_.track(camera_, pyramid_, T_c_w, prior, options_.reference, matches_);
+    on_stage(MotionStage::matching);
+    judge_matches(depth, T_c_w);
+    on_stage(MotionStage::residuals);
+    grid_.reduce(depth, depth_, smooth_);
+    if (options_.method == Method::full) {
+      history_.check(grid_, depth_, smooth_, T_c_w, verdicts_);
+    } else {
+      verdicts_.resize(grid_.width(), grid_.height());
+      for (auto* image : {&verdicts_.seed, &verdicts_.barrier, &verdicts_.verified}) image->fill(0);
+      verdicts_.age.fill(FreeSpaceVerdicts::kNever);
+    }
+    motion_.verified = verdicts_.verified;
+    add_keypoint_seeds();
+    on_stage(MotionStage::free_space);
+    const MaskGrowingResult grown =
+        grow_mask(depth_.view(), verdicts_.seed.view(), verdicts_.barrier.view(), verdicts_.age.view(),
+                  cell_mask_.view(), growing_options(), growing_);
+    motion_.seeds = grown.seeds;
+    motion_.regions_leaked = grown.regions_leaked;
+    upsample_mask(cell_mask_.view(), depth_, depth, grid_, motion_.mask.view(), zone_);
+    on_stage(MotionStage::growing);
+    return motion_;
+  }
+  template <ImageLike G, DepthImage D, LabelImage M>
+  const Motion<S>& segment(const G& gray, const D& depth, const SE3<S>& T_c_w, const M& prior) {
+    return segment(gray, depth, T_c_w, prior, [](MotionStage) {});
+  }
+  template <ImageLike G, DepthImage D>
+  const Motion<S>& segment(const G& gray, const D& depth, const SE3<S>& T_c_w) {
+    return segment(gray, depth, T_c_w, ImageView<const std::uint8_t>());
+  }
+
+  /// What the last call of `segment` found.
+  [[nodiscard]] const Motion<S>& motion() const { return motion_; }
+
+  /// Keeps the frame last segmented, with its final pose and mask, as evidence for later ones. Call it once
+  /// per segmented frame.
+  /// @param mask  what was taken for dynamic in the end, of the images' size; 0 x 0: nothing
+  template <LabelImage M>
+  void remember(const SE3<S>& T_c_w, const M& mask) {
+    if (grid_.cells() == 0) return;
+    const bool usable = mask.width() == grid_.image_width() && mask.height() == grid_.image_height();
+    state_.resize(grid_.width(), grid_.height());
+    for (std::size_t c = 0; c < grid_.cells(); ++c) {
+      const int pixel = grid_.pixel_of(c);
+      const bool dynamic =
+          usable && pixel >= 0 && mask(pixel % grid_.image_width(), pixel / grid_.image_width()) != 0;
+      state_.data()[c] = !dynamic ? kCellStatic : cell_mask_.data()[c] != 0 ? kCellMoved : kCellSuspected;
+      // A mask that the geometry did not find (the semantic one) counts as fresh evidence.
+      std::uint8_t& age = verdicts_.age.data()[c];
+      if (!dynamic || age == FreeSpaceVerdicts::kNever) age = 0;
+    }
+    if (options_.method == Method::full) history_.remember(depth_, T_c_w, state_, verdicts_.age);
+    ++reference_age_;
+    if (options_.own_reference.use && wants_reference()) take_reference(T_c_w);
+  }
+
+  /// Moves what is remembered with a correction of the map (after a loop or an adjustment):
+  /// new T_c_w = old T_c_w D.
+  void follow(const SE3<S>& D) {
+    history_.follow(D);
+    reference_.place(reference_.T_c_w() * D);
+  }
+
+  /// Makes the frame last segmented the reference keyframe, with keypoints of the host's own. From then on
+  /// the host chooses them.
+  void set_reference(std::span<const ReferenceKeypoint<S>> keypoints, const SE3<S>& T_c_w) {
+    options_.own_reference.use = false;
+    reference_.set(camera_, pyramid_, keypoints, T_c_w, options_.reference);
+    reference_age_ = 0;
+  }
+  [[nodiscard]] bool has_reference() const { return !reference_.empty(); }
+  /// Puts the reference keyframe where the host's map has it by now.
+  void place_reference(const SE3<S>& T_c_w) { reference_.place(T_c_w); }
+
+  /// Whether the surface at a pixel of the frame last segmented was seen in the same place long before.
+  [[nodiscard]] bool verified_static(float u, float v) const {
+    if (motion_.verified.width() == 0) return false;
+    const int c = grid_.cell_at(u, v);
+    return c >= 0 && motion_.verified.data()[c] != 0;
+  }
+
+ private:
+  template <class G, class D, class M>
+  [[nodiscard]] bool accept_size(const G& gray, const D& depth, const M& prior) {
+    const int w = gray.width(), h = gray.height();
+    if (w != depth.width() || h != depth.height() || w <= 0 || h <= 0) return false;
+    if (prior.width() != 0 && (prior.width() != w || prior.height() != h)) return false;
+    if (grid_.cells() == 0) {
+      grid_ = DepthGrid(camera_, w, h, options_.grid);
+      cell_mask_.resize(grid_.width(), grid_.height());
+      motion_.mask.resize(w, h);
+    }
+    return w == grid_.image_width() && h == grid_.image_height();
+  }
+
+  template <class D>
+  void judge_matches(const D& depth, const SE3<S>& T_c_w) {
+    motion_.tracked = static_cast<int>(matches_.size());
+    motion_.mismatches = motion_.dynamic_matches = 0;
+    motion_.epipolar_used = false;
+    motion_.scales = {};
+    if (matches_.empty()) return;
+    const auto& result = static_weights(camera_, std::span<const KeypointMatch<S>>(matches_),
+                                        reference_.gray(), pyramid_.image(0), depth,
+                                        T_c_w * reference_.T_c_w().inverse(), options_.weights, weights_);
+    motion_.mismatches = result.mismatches;
+    motion_.epipolar_used = result.epipolar == EpipolarVerdict::applied;
+    if (!result.ok()) return;
+    motion_.dynamic_matches = result.dynamic_matches;
+    motion_.scales = result.scales;
+    for (std::size_t k = 0; k < matches_.size(); ++k) {
+      if (result.mismatch[k] == 0)
+        motion_.matches.push_back({matches_[k].x, matches_[k].x_m, result.weight[k], result.dynamic[k] != 0});
+    }
+  }
+
+  void add_keypoint_seeds() {
+    const S radius = S(options_.keypoint_seeds.radius * grid_.image_width());
+    const int w = grid_.width(), h = grid_.height();
+    for (const JudgedMatch<S>& m : motion_.matches) {
+      if (!m.dynamic) continue;
+      if (options_.method == Method::full) {
+        int near = 0, near_static = 0;
+        for (const JudgedMatch<S>& other : motion_.matches) {
+          if ((other.x_m - m.x_m).cwiseAbs().maxCoeff() > radius) continue;
+          ++(other.dynamic ? near : near_static);
+        }
+        if (near < options_.keypoint_seeds.support || near < near_static) continue;
+      }
+      const int c = grid_.cell_at(static_cast<float>(m.x_m.x()), static_cast<float>(m.x_m.y()));
+      if (c < 0) continue;
+      const int i = c % w, j = c / w;
+      for (int y = std::max(0, j - 1); y <= std::min(h - 1, j + 1); ++y) {
+        for (int x = std::max(0, i - 1); x <= std::min(w - 1, i + 1); ++x) {
+          verdicts_.seed(x, y) = 1;
+          verdicts_.barrier(x, y) = 0;
+          verdicts_.age(x, y) = 0;
+        }
+      }
+    }
+  }
+
+  /// The paper grows from every dynamic keypoint, wherever the depth leads, and has its guard alone.
+  [[nodiscard]] MaskGrowingOptions growing_options() const {
+    MaskGrowingOptions options = options_.growing;
+    if (options_.method == Method::paper) {
+      options.min_seeds = 1;
+      options.reach = -1;
+    }
+    return options;
+  }
+
+  [[nodiscard]] bool wants_reference() const {
+    const OwnReferenceOptions& own = options_.own_reference;
+    return reference_.empty() ||
+           static_cast<double>(reference_age_) >= own.max_age * options_.free_space.frame_rate ||
+           static_cast<double>(reference_.in_view()) < own.min_share * static_cast<double>(reference_.size());
+  }
+
+  void take_reference(const SE3<S>& T_c_w) {
+    const int level = std::min(1, pyramid_.size() - 1);
+    CornerOptions corners = options_.own_reference.corners;
+    corners.count = options_.reference.points;
+    find_corners(pyramid_.image(level), corners, corner_workspace_, corners_);
+    keypoints_.clear();
+    for (const Eigen::Vector2i& corner : corners_) {
+      const Vector2 x = to_base<S>(pyramid_, corner.template cast<S>().eval(), level);
+      const int c = grid_.cell_at(static_cast<float>(x.x()), static_cast<float>(x.y()));
+      // The reduced depth of a cell on one surface: at an edge the corner's own depth is a guess.
+      if (c < 0 || smooth_.data()[c] == 0) continue;
+      keypoints_.push_back({x, static_cast<S>(depth_.data()[c]), S(1 << level)});
+    }
+    reference_.set(camera_, pyramid_, std::span<const ReferenceKeypoint<S>>(keypoints_), T_c_w,
+                   options_.reference);
+    reference_age_ = 0;
+  }
+
+  Camera camera_;
+  Options options_;
+  DepthGrid grid_;
+  HalvingPyramid<std::uint8_t> pyramid_;  // of the frame last segmented
+  ReferenceKeyframe<S> reference_;
+  int reference_age_ = 0;  // frames
+  std::vector<KeypointMatch<S>> matches_;
+  StaticWeightsWorkspace<S> weights_;
+  FreeSpaceHistory<S> history_;
+  FreeSpaceVerdicts verdicts_;
+  Image<float> depth_;                                     // reduced
+  Image<std::uint8_t> smooth_, cell_mask_, state_, zone_;  // of the cells
+  MaskGrowingWorkspace growing_;
+  CornerWorkspace corner_workspace_;
+  std::vector<Eigen::Vector2i> corners_;
+  std::vector<ReferenceKeypoint<S>> keypoints_;
+  Motion<S> motion_;
+};
+
+}  // namespace dynslam

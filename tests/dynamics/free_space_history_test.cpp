@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/dynamics/free_space_history.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+#include "dynslam/geometry/pinhole.hpp"
+#include "moving_scene.hpp"
+
+using namespace dynslam;
+
+namespace {
+
+template <class S>
+struct Fixture {
+  DepthGrid grid{Pinhole<S>(S(200), S(200), S(79.5), S(59.5)), 160, 120, {.columns = 40}};
+  FreeSpaceHistory<S> history;
+  Image<float> depth;
+  Image<std::uint8_t> smooth, still, age;
+  FreeSpaceVerdicts verdicts;
+
+  Fixture() {
+    still.resize(grid.width(), grid.height());
+    still.fill(kCellStatic);
+    age = still;
+  }
+  /// A wall at 3 m with a box of 1.5 m around column `left` of the image, if it is inside.
+  void look(int left) {
+    Image<float> image(160, 120, 3.0F);
+    for (int v = 40; v < 80; ++v) {
+      for (int u = std::max(0, left); u < std::min(160, left + 40); ++u) image(u, v) = 1.5F;
+    }
+    grid.reduce(image, depth, smooth);
+  }
+};
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("what has come contradicts the free space, what was there is verified", S, float, double) {
+  Fixture<S> f;
+  for (int k = 0; k < 12; ++k) {
+    f.look(-100);
+    f.history.check(f.grid, f.depth, f.smooth, SE3<S>(), f.verdicts);
+    f.history.remember(f.depth, SE3<S>(), f.still, f.age);
+  }
+  f.look(60);
+  f.history.check(f.grid, f.depth, f.smooth, SE3<S>(), f.verdicts);
+  CHECK(f.verdicts.seed(19, 15) == 1);
+  CHECK(f.verdicts.age(19, 15) == 0);
+  CHECK(f.verdicts.verified(19, 15) == 0);
+  CHECK(f.verdicts.seed(4, 4) == 0);
+  CHECK(f.verdicts.barrier(4, 4) == 1);
+  CHECK(f.verdicts.verified(4, 4) == 1);
+  CHECK(f.verdicts.age(4, 4) == FreeSpaceVerdicts::kNever);
+
+  // What was found moving is handed on for a while, though nothing new speaks against it.
+  Image<std::uint8_t> moved = f.still;
+  moved(19, 15) = kCellMoved;
+  for (int k = 0; k < 5; ++k) f.history.remember(f.depth, SE3<S>(), moved, f.age);
+  f.history.clear();
+  f.history.remember(f.depth, SE3<S>(), moved, f.age);
+  f.history.check(f.grid, f.depth, f.smooth, SE3<S>(), f.verdicts);
+  CHECK(f.verdicts.seed(19, 15) == 1);
+  CHECK(f.verdicts.age(19, 15) == 1);
+}
+
+TEST_CASE("lags are times: at another frame rate other views are compared") {
+  FreeSpaceOptions options;
+  options.frame_rate = 5;  // 4 / 30 s and 1 / 30 s are the same view then
+  FreeSpaceHistory<double> slow(options);
+  Fixture<double> f;
+  for (int k = 0; k < 40; ++k) {
+    f.look(-100);
+    slow.remember(f.depth, SE3<double>(), f.still, f.age);
+  }
+  CHECK(slow.size() == 10);  // two seconds
+  f.look(60);
+  slow.check(f.grid, f.depth, f.smooth, SE3<double>(), f.verdicts);
+  CHECK(f.verdicts.seed(19, 15) == 1);
+}
+
+TEST_CASE_TEMPLATE("a grid knows its pixels and back, through any lens", S, float, double) {
+  const auto check = [](const auto& camera, double round_trips) {
+    const DepthGrid grid(camera, 160, 120, {.columns = 40});
+    int inside = 0, same = 0;
+    for (std::size_t c = 0; c < grid.cells(); ++c) {
+      const int pixel = grid.pixel_of(c);
+      if (pixel < 0) continue;
+      ++inside;
+      same += grid.cell(pixel % 160, pixel / 160) == static_cast<int>(c) ? 1 : 0;
+    }
+    CHECK(inside > 800);
+    CHECK(same > round_trips * inside);
+    CHECK(grid.cell_at(-3.0F, 5.0F) == -1);
+    CHECK(grid.cell_at(std::nanf(""), 5.0F) == -1);
+  };
+  check(Pinhole<S>(S(200), S(200), S(79.5), S(59.5)), 0.98);
+  check(test::EquidistantCamera<S>{S(70), S(79.5), S(59.5)},
+        0.7);  // at 65 degrees several cells share a pixel
+}

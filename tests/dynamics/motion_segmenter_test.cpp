@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/dynamics/motion_segmenter.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+#include "dynslam/geometry/brown_conrady.hpp"
+#include "dynslam/geometry/pinhole.hpp"
+#include "moving_scene.hpp"
+
+using namespace dynslam;
+using test::ColumnImage;
+using test::MovingScene;
+using test::SceneRenderer;
+
+namespace {
+
+constexpr int kWidth = 240, kHeight = 180;
+
+/// Intersection over union of two masks.
+double overlap(const Image<std::uint8_t>& a, const Image<std::uint8_t>& b) {
+  int both = 0, either = 0;
+  for (int v = 0; v < a.height(); ++v) {
+    for (int u = 0; u < a.width(); ++u) {
+      both += a(u, v) != 0 && b(u, v) != 0 ? 1 : 0;
+      either += a(u, v) != 0 || b(u, v) != 0 ? 1 : 0;
+    }
+  }
+  return either > 0 ? static_cast<double>(both) / either : 1.0;
+}
+
+double share(const Image<std::uint8_t>& a) {
+  int n = 0;
+  for (int v = 0; v < a.height(); ++v) {
+    for (int u = 0; u < a.width(); ++u) n += a(u, v) != 0 ? 1 : 0;
+  }
+  return static_cast<double>(n) / (a.width() * a.height());
+}
+
+SE3<double> camera_at(int frame) {
+  return SE3<double>(SO3<double>::exp(Eigen::Vector3d(0, 0.002 * frame, 0.001 * frame)),
+                     Eigen::Vector3d(0.004 * frame, -0.002 * frame, 0));
+}
+
+struct Outcome {
+  double overlap = 0, still_share = 0;  // means over the last frames
+  bool wall_verified = false;
+};
+
+/// Runs a segmenter over a board that starts to move after half a second, with the true poses.
+template <class Camera>
+Outcome run(const Camera& camera, double speed,
+            const MotionSegmenterOptions<typename Camera::ScalarType>& options) {
+  using S = typename Camera::ScalarType;
+  MotionSegmenter<S, Camera> segmenter(camera, options);
+  SceneRenderer<Camera> view(camera, kWidth, kHeight);
+  MovingScene scene;
+  scene.board.x() = -0.55;
+  Outcome outcome;
+  constexpr int kFrames = 36, kLast = 8;
+  for (int k = 0; k < kFrames; ++k) {
+    if (k > 15) scene.board.x() += speed / 30;
+    view.render(scene, camera_at(k));
+    const SE3<S> T_c_w = camera_at(k).inverse().template cast<S>();
+    const auto& motion = segmenter.segment(ColumnImage<std::uint8_t>(view.gray), view.depth.view(), T_c_w);
+    REQUIRE(motion.ok());
+    if (k >= kFrames - kLast) {
+      outcome.overlap += overlap(motion.mask, view.moving) / kLast;
+      outcome.still_share += share(motion.mask) / kLast;
+    }
+    outcome.wall_verified = segmenter.verified_static(kWidth / 2.0F, 12.0F);
+    segmenter.remember(T_c_w, motion.mask);
+  }
+  return outcome;
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("a carried board is found, and a room at rest stays out of the mask", S, float, double) {
+  const Pinhole<S> camera(S(200), S(200), S(119.5), S(89.5));
+  const Outcome moving = run(camera, 1.5, {});
+  CHECK(moving.overlap > 0.8);
+  CHECK(moving.wall_verified);
+  const Outcome still = run(camera, 0.0, {});
+  CHECK(still.still_share < 0.002);
+}
+
+TEST_CASE_TEMPLATE("a board is found through lenses that the segmenter knows nothing of", S, float, double) {
+  const PinholeBrownConrady<S> lens(Pinhole<S>(S(200), S(200), S(119), S(90)),
+                                    BrownConrady<S>(S(-0.2), S(0.05), S(0.001), S(0), S(0)));
+  CHECK(run(lens, 1.5, {}).overlap > 0.8);
+  const test::EquidistantCamera<S> fisheye{S(150), S(119.5), S(89.5)};
+  CHECK(run(fisheye, 1.5, {}).overlap > 0.8);
+  CHECK(run(fisheye, 0.0, {}).still_share < 0.002);
+}
+
+TEST_CASE("the paper's path alone finds the board by its keypoints") {
+  const Pinhole<double> camera(200, 200, 119.5, 89.5);
+  MotionSegmenterOptions<double> options;
+  options.method = Method::paper;
+  const Outcome moving = run(camera, 1.5, options);
+  CHECK(moving.overlap > 0.6);
+  CHECK_FALSE(moving.wall_verified);
+}
+
+TEST_CASE("images of another size are refused, not read beyond their end") {
+  const Pinhole<double> camera(200, 200, 119.5, 89.5);
+  MotionSegmenter<double, Pinhole<double>> segmenter(camera);
+  const Image<std::uint8_t> gray(kWidth, kHeight), small(60, 40);
+  const Image<float> depth(kWidth, kHeight, 2.0F), small_depth(60, 40, 2.0F);
+  CHECK_FALSE(segmenter.segment(gray, small_depth, SE3<double>()).ok());
+  CHECK(segmenter.segment(gray, depth, SE3<double>()).ok());
+  CHECK_FALSE(segmenter.segment(small, small_depth, SE3<double>()).ok());
+  CHECK_FALSE(segmenter.segment(gray, depth, SE3<double>(), small).ok());
+  CHECK(segmenter.segment(gray, depth, SE3<double>(), gray).ok());
+  segmenter.remember(SE3<double>(), small);  // a mask of another size says nothing
+}
+
+TEST_CASE("a correction of the map moves what is remembered with it") {
+  const Pinhole<double> camera(200, 200, 119.5, 89.5);
+  MotionSegmenter<double, Pinhole<double>> segmenter(camera);
+  SceneRenderer<Pinhole<double>> view(camera, kWidth, kHeight);
+  const SE3<double> D(SO3<double>::exp(Eigen::Vector3d(0.1, 0.3, -0.2)), Eigen::Vector3d(1.0, -2.0, 0.5));
+  for (int k = 0; k < 24; ++k) {
+    if (k == 16) segmenter.follow(D);
+    view.render({}, camera_at(k));
+    SE3<double> T_c_w = camera_at(k).inverse();
+    if (k >= 16) T_c_w = T_c_w * D;
+    const auto& motion = segmenter.segment(view.gray, view.depth, T_c_w);
+    CHECK(share(motion.mask) < 0.01);
+    CHECK(motion.dynamic_matches <= motion.tracked / 20);
+    segmenter.remember(T_c_w, motion.mask);
+  }
+}

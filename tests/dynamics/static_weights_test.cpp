@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/dynamics/static_weights.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "dynslam/geometry/brown_conrady.hpp"
+#include "dynslam/geometry/pinhole.hpp"
+#include "moving_scene.hpp"
+#include "random.hpp"
+
+using namespace dynslam;
+using test::ColumnImage;
+using test::MovingScene;
+using test::SceneRenderer;
+
+namespace {
+
+constexpr int kWidth = 200, kHeight = 150;
+
+/// Two views of a scene whose board is carried on in between, with their matches and the truth on them.
+template <class Camera>
+struct TwoViews {
+  using S = typename Camera::ScalarType;
+  Camera camera;
+  SE3<double> T_cur_ref;
+  SceneRenderer<Camera> reference, current;
+  std::vector<KeypointMatch<S>> matches;
+  std::vector<bool> moves;
+
+  TwoViews(const Camera& c, const Eigen::Vector2d& step, double noise_px, const MovingScene& before = {},
+           double gain = 1, double offset = 0)
+      : camera(c),
+        T_cur_ref(SO3<double>::exp(Eigen::Vector3d(0.01, -0.03, 0.02)), Eigen::Vector3d(-0.12, 0.03, 0.05)),
+        reference(c, kWidth, kHeight),
+        current(c, kWidth, kHeight) {
+    MovingScene after = before;
+    after.board += step;
+    after.gain = gain;
+    after.offset = offset;
+    reference.render(before, SE3<double>());
+    current.render(after, T_cur_ref.inverse());
+    test::Rng rng("two views");
+    for (int v = 8; v < kHeight - 8; v += 7) {
+      for (int u = 8; u < kWidth - 8; u += 7) add(u, v, step, noise_px, rng);
+    }
+  }
+
+  void add(int u, int v, const Eigen::Vector2d& step, double noise_px, test::Rng& rng) {
+    const auto p = camera.unproject(Eigen::Matrix<S, 2, 1>(S(u), S(v)), S(reference.depth(u, v)));
+    if (!p || !is_valid_depth(reference.depth(u, v))) return;
+    const bool on_board = reference.moving(u, v) != 0;
+    Eigen::Vector3d q = p->template cast<double>();
+    if (on_board) q.head<2>() += step;
+    const auto x_m = camera.project((T_cur_ref * q).template cast<S>().eval());
+    if (!x_m || !(x_m->x() > 4 && x_m->y() > 4 && x_m->x() < kWidth - 4 && x_m->y() < kHeight - 4)) return;
+    const Eigen::Matrix<S, 2, 1> noise(S(noise_px * rng.normal()), S(noise_px * rng.normal()));
+    // What another surface hides cannot be matched.
+    const int un = static_cast<int>(std::lround(x_m->x())), vn = static_cast<int>(std::lround(x_m->y()));
+    if ((current.moving(un, vn) != 0) != on_board) return;
+    const auto match = keypoint_match(camera, Eigen::Matrix<S, 2, 1>(S(u), S(v)), S(reference.depth(u, v)),
+                                      Eigen::Matrix<S, 2, 1>(*x_m + noise));
+    REQUIRE(match);
+    matches.push_back(*match);
+    moves.push_back(on_board);
+  }
+
+  [[nodiscard]] SE3<S> pose() const { return T_cur_ref.template cast<S>(); }
+};
+
+struct Counts {
+  int moving = 0, moving_found = 0, still = 0, still_lost = 0;
+};
+
+template <class Views, class S>
+Counts count(const Views& views, const StaticWeightsResult<S>& result) {
+  Counts n;
+  for (std::size_t k = 0; k < views.matches.size(); ++k) {
+    const bool rejected = result.dynamic[k] != 0 || result.mismatch[k] != 0;
+    ++(views.moves[k] ? n.moving : n.still);
+    if (rejected) ++(views.moves[k] ? n.moving_found : n.still_lost);
+  }
+  return n;
+}
+
+template <class Camera>
+void check_camera(const Camera& camera) {
+  using S = typename Camera::ScalarType;
+  const TwoViews<Camera> views(camera, {0.15, 0.05}, 0.3);
+  const auto result =
+      static_weights(camera, views.matches, ColumnImage<std::uint8_t>(views.reference.gray),
+                     views.current.gray.view(), views.current.depth, views.pose(), StaticWeightsOptions<S>());
+  REQUIRE(result.ok());
+  REQUIRE(result.weight.size() == views.matches.size());
+  const Counts n = count(views, result);
+  CHECK(n.moving > 30);
+  CHECK(n.moving_found > n.moving * 95 / 100);
+  CHECK(n.still > 200);
+  CHECK(n.still_lost < n.still * 4 / 100);
+  for (const S w : result.weight) CHECK(std::isfinite(w));
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE(
+    "a carried board is dynamic and the room is not, through any lens and in images of any type", S, float,
+    double) {
+  check_camera(Pinhole<S>(S(170), S(170), S(99.5), S(74.5)));
+  check_camera(PinholeBrownConrady<S>(Pinhole<S>(S(170), S(172), S(99), S(75)),
+                                      BrownConrady<S>(S(-0.2), S(0.05), S(0.001), S(-0.001), S(0))));
+  check_camera(test::EquidistantCamera<S>{S(150), S(99.5), S(74.5)});
+}
+
+TEST_CASE_TEMPLATE("another exposure of the second image is not motion", S, float, double) {
+  const Pinhole<S> camera(S(170), S(170), S(99.5), S(74.5));
+  const TwoViews<Pinhole<S>> views(camera, {0.15, 0.05}, 0.3, {}, 1.0, 22.0);
+  StaticWeightsWorkspace<S> workspace;
+  const auto& result =
+      static_weights(camera, views.matches, views.reference.gray, views.current.gray, views.current.depth,
+                     views.pose(), StaticWeightsOptions<S>(), workspace);
+  REQUIRE(result.ok());
+  CHECK(result.exposure == doctest::Approx(-22.0).epsilon(0.1));
+  const Counts n = count(views, result);
+  CHECK(n.still_lost < n.still * 4 / 100);
+  CHECK(n.moving_found > n.moving * 95 / 100);
+}
+
+TEST_CASE_TEMPLATE("perfect matches of an unchanged view weigh 1 or more, never NaN", S, float, double) {
+  const Pinhole<S> camera(S(170), S(170), S(99.5), S(74.5));
+  SceneRenderer<Pinhole<S>> view(camera, kWidth, kHeight);
+  view.render({}, SE3<double>());
+  std::vector<KeypointMatch<S>> matches;
+  for (int v = 10; v < kHeight - 10; v += 9) {
+    for (int u = 10; u < kWidth - 10; u += 9) {
+      const Eigen::Matrix<S, 2, 1> x{S(u), S(v)};
+      matches.push_back(*keypoint_match(camera, x, S(view.depth(u, v)), x));
+    }
+  }
+  StaticWeightsOptions<S> options;
+  auto result = static_weights(camera, matches, view.gray, view.gray, view.depth, SE3<S>(), options);
+  REQUIRE(result.ok());
+  CHECK(result.dynamic_matches == 0);
+  CHECK(result.mismatches == 0);
+  CHECK(result.scales.reprojection == options.floors.reprojection);
+  for (const S w : result.weight) CHECK(w >= S(1));
+
+  // Too few outside the mask: nothing is said, and nothing is read from flags that are not there.
+  for (auto& m : matches) m.masked = true;
+  result = static_weights(camera, matches, view.gray, view.gray, view.depth, SE3<S>(), options);
+  CHECK_FALSE(result.ok());
+  CHECK(result.weight.empty());
+  CHECK(result.dynamic.empty());
+  CHECK(result.mismatch.empty());
+}
+
+TEST_CASE_TEMPLATE("matches on an a-priori mask are judged but tell no scales", S, float, double) {
+  const Pinhole<S> camera(S(170), S(170), S(99.5), S(74.5));
+  TwoViews<Pinhole<S>> views(camera, {0.15, 0.05}, 0.3);
+  for (std::size_t k = 0; k < views.matches.size(); ++k) views.matches[k].masked = views.moves[k];
+  const auto result = static_weights(camera, views.matches, views.reference.gray, views.current.gray,
+                                     views.current.depth, views.pose());
+  REQUIRE(result.ok());
+  CHECK(result.scales.reprojection < S(1));
+  const Counts n = count(views, result);
+  CHECK(n.moving_found > n.moving * 95 / 100);
+  CHECK(n.still_lost < n.still * 4 / 100);
+}
+
+TEST_CASE_TEMPLATE("the form of the print finds the same matches dynamic, with its own weights", S, float,
+                   double) {
+  const Pinhole<S> camera(S(170), S(170), S(99.5), S(74.5));
+  const TwoViews<Pinhole<S>> views(camera, {0.15, 0.05}, 0.3);
+  const auto printed =
+      static_weights(camera, views.matches, views.reference.gray, views.current.gray, views.current.depth,
+                     views.pose(), StaticWeightsOptions<S>::as_printed());
+  REQUIRE(printed.ok());
+  for (const S w : printed.weight) CHECK(w <= S(12) / S(11));
+  const Counts n = count(views, printed);
+  CHECK(n.moving_found > n.moving * 95 / 100);
+  CHECK(n.still_lost < n.still * 4 / 100);
+}

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/segment/mask_growing.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+
+#include "dynslam/dynamics/depth_grid.hpp"
+#include "dynslam/geometry/pinhole.hpp"
+#include "dynslam/image/image.hpp"
+#include "dynslam/segment/mask_upsampling.hpp"
+
+using namespace dynslam;
+
+namespace {
+
+/// A box of 16 x 20 cells at 1.5 m before a wall at 3 m.
+struct Cells {
+  Image<float> depth{80, 60, 3.0F};
+  Image<std::uint8_t> seed{80, 60}, barrier{80, 60}, age{80, 60, 255}, mask{80, 60};
+  MaskGrowingWorkspace workspace;
+  Cells() {
+    for (int v = 20; v < 40; ++v) {
+      for (int u = 30; u < 46; ++u) depth(u, v) = 1.5F;
+    }
+  }
+  void plant(int u0, int v0, int side, std::uint8_t years) {
+    for (int v = v0; v < v0 + side; ++v) {
+      for (int u = u0; u < u0 + side; ++u) {
+        seed(u, v) = 1;
+        age(u, v) = years;
+      }
+    }
+  }
+  MaskGrowingResult grow(const MaskGrowingOptions& options = {}) {
+    return grow_mask(depth, seed.view(), barrier.view(), age.view(), mask.view(), options, workspace);
+  }
+  [[nodiscard]] int count() const {
+    return static_cast<int>(std::count(mask.data(), mask.data() + 80 * 60, std::uint8_t{255}));
+  }
+};
+
+}  // namespace
+
+TEST_CASE("a mask completes the object, within reach of fresh evidence, and passes its age on") {
+  Cells cells;
+  cells.plant(36, 26, 4, 0);
+  CHECK(cells.grow().seeds == 16);
+  CHECK(cells.count() == 16 * 18);  // eight cells from the seeds on: two rows at the end are out of reach
+  CHECK(cells.mask(30, 20) == 255);
+  CHECK(cells.mask(29, 20) == 0);
+  CHECK(cells.age(30, 20) == 0);
+
+  Cells old;
+  old.plant(36, 26, 4, 7);  // no fresh evidence: the seeds alone
+  MaskGrowingOptions small;
+  small.min_region = 1;
+  old.grow(small);
+  CHECK(old.count() == 16);
+  CHECK(old.age(36, 26) == 7);
+}
+
+TEST_CASE("single seeds are noise, and a region that fills the view has leaked") {
+  Cells noise;
+  noise.plant(36, 26, 2, 0);
+  CHECK(noise.grow().seeds == 0);
+  CHECK(noise.count() == 0);
+
+  Cells wall;
+  wall.plant(4, 4, 4, 0);
+  MaskGrowingOptions anywhere;
+  anywhere.reach = -1;
+  CHECK(wall.grow(anywhere).regions_leaked == 1);
+  CHECK(wall.count() == 0);
+}
+
+TEST_CASE("an enlarged mask follows the outline that the pixels' depth shows") {
+  const DepthGrid grid(Pinhole<double>(200, 200, 79.5, 59.5), 160, 120, {.columns = 40});
+  Image<float> depth(160, 120, 3.0F);
+  Image<std::uint8_t> truth(160, 120), mask(160, 120), cells, smooth, zone;
+  for (int v = 33; v < 87; ++v) {
+    for (int u = 50; u < 101; ++u) {
+      depth(u, v) = 1.5F;
+      truth(u, v) = 255;
+    }
+  }
+  Image<float> reduced;
+  grid.reduce(depth, reduced, smooth);
+  cells.resize(grid.width(), grid.height());
+  for (std::size_t c = 0; c < grid.cells(); ++c) cells.data()[c] = reduced.data()[c] < 2 ? 1 : 0;
+  upsample_mask(cells.view(), reduced, depth, grid, mask.view(), zone);
+  CHECK(std::equal(mask.data(), mask.data() + 160 * 120, truth.data()));
+  cells.fill(0);
+  upsample_mask(cells.view(), reduced, depth, grid, mask.view(), zone);
+  CHECK(std::count(mask.data(), mask.data() + 160 * 120, std::uint8_t{0}) == 160 * 120);
+}
