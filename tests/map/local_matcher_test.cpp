@@ -176,6 +176,7 @@ TEST_CASE_TEMPLATE("points are made where there is depth, trust and room, and no
   CHECK(maker.make(wall.map, wall.pyramids[0], f) == 1);
   CHECK(f.point == std::vector<int>{0, -1, -1, -1, -1, -1});
   CHECK((wall.map.point(0).p_w - Eigen::Matrix<S, 3, 1>(S(-0.48), S(-0.16), S(2))).norm() < S(1e-5));
+  wall.map.add_keyframe(f);  // whose points the next make() looks at
   // Where too little is known everything is trusted: the camera has to go on.
   options.enough_known = 100;
   PointMaker<S> hurried(wall.camera, kWidth, kHeight, options);
