@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "dynslam/geometry/pinhole.hpp"
 #include "random.hpp"
 
 using namespace dynslam;
@@ -13,58 +14,67 @@ namespace {
 
 const Pinhole<double> kCamera(535.4, 539.2, 320.1, 247.6);
 
-std::vector<PoseObservation<double>> matches(test::Rng& rng, const SE3d& T_c_w, int good, int wrong,
-                                             bool depth = true) {
-  std::vector<PoseObservation<double>> all;
+template <class S>
+std::vector<PoseObservation<S>> matches(test::Rng& rng, const SE3d& T_c_w, int good, int wrong,
+                                        bool depth = true) {
+  std::vector<PoseObservation<S>> all;
   for (int k = 0; k < good + wrong; ++k) {
     const Eigen::Vector2d x(rng.uniform(0, 640), rng.uniform(0, 480));
     const double z = rng.uniform(1, 4), sigma = 0.004 + 0.008 * z * z;
     Eigen::Vector3d p_w = T_c_w.inverse() * Eigen::Vector3d(kCamera.ray(x) * z);
     if (k >= good) p_w = Eigen::Vector3d(rng.uniform(-2, 2), rng.uniform(-2, 2), rng.uniform(0, 4));
     const Eigen::Vector2d seen = x + Eigen::Vector2d(rng.normal(), rng.normal());
-    all.push_back(
-        {p_w, seen, depth ? z + sigma * rng.normal() : 0.0, 1.0, depth ? 1 / (sigma * sigma) : 0.0});
+    PoseObservation<S> o;
+    o.p_w = p_w.cast<S>();
+    o.x = seen.cast<S>();
+    if (depth) {
+      o.depth = static_cast<S>(z + sigma * rng.normal());
+      o.inv_sigma_z2 = static_cast<S>(1 / (sigma * sigma));
+    }
+    all.push_back(o);
   }
   return all;
 }
 
 }  // namespace
 
-TEST_CASE("the pose is found from scratch among four wrong matches in five") {
+TEST_CASE_TEMPLATE("the pose is found from scratch among four wrong matches in five", S, float, double) {
   test::Rng rng("absolute pose");
   AbsolutePoseWorkspace ws;
-  AbsolutePoseOptions<double> options;
-  options.max_hypotheses = 2000;
+  AbsolutePoseOptions<S> options;
+  options.hypotheses = 2000;
   for (int trial = 0; trial < 20; ++trial) {
     SE3d::Vector6 xi;
     for (int i = 0; i < 6; ++i) xi(i) = rng.uniform(-1.5, 1.5);
     const SE3d truth = SE3d::exp(xi);
-    const auto all = matches(rng, truth, 40, 160);
-    const auto found = absolute_pose<double>(kCamera, all, options, ws);
-    REQUIRE(found.found);
+    const auto all = matches<S>(rng, truth, 40, 160);
+    const auto found = absolute_pose<S>(kCamera.cast<S>(), all, options, ws);
+    REQUIRE(found.ok());
     CHECK(found.inliers >= 15);
-    const SE3d error = found.T_c_w * truth.inverse();
+    const SE3d error = found.T_c_w.template cast<double>() * truth.inverse();
     CHECK(error.translation().norm() < 0.1);
     CHECK(error.so3().log().norm() < 0.05);
-    const auto again = absolute_pose<double>(kCamera, all, options, ws);
+    const auto again = absolute_pose<S>(kCamera.cast<S>(), all, options, ws);
     CHECK(again.T_c_w.matrix() == found.T_c_w.matrix());
     options.seed += 1;
   }
 }
 
-TEST_CASE("fewer samples do where most matches are right") {
+TEST_CASE_TEMPLATE("fewer samples do where most matches are right", S, float, double) {
   test::Rng rng("absolute pose early");
   AbsolutePoseWorkspace ws;
-  const auto found = absolute_pose<double>(kCamera, matches(rng, SE3d(), 95, 5), {}, ws);
-  CHECK(found.found);
+  const auto found = absolute_pose<S>(kCamera.cast<S>(), matches<S>(rng, SE3d(), 95, 5), {}, ws);
+  CHECK(found.ok());
   CHECK(found.hypotheses < 40);
 }
 
-TEST_CASE("nothing is claimed without three measured points") {
+TEST_CASE_TEMPLATE("nothing is claimed without three measured points", S, float, double) {
   test::Rng rng("absolute pose nothing");
   AbsolutePoseWorkspace ws;
-  CHECK_FALSE(absolute_pose<double>(kCamera, matches(rng, SE3d(), 50, 0, false), {}, ws).found);
-  CHECK_FALSE(absolute_pose<double>(kCamera, matches(rng, SE3d(), 2, 0), {}, ws).found);
+  CHECK_FALSE(absolute_pose<S>(kCamera.cast<S>(), matches<S>(rng, SE3d(), 50, 0, false), {}, ws).ok());
+  CHECK_FALSE(absolute_pose<S>(kCamera.cast<S>(), matches<S>(rng, SE3d(), 2, 0), {}, ws).ok());
+  CHECK(absolute_pose<S>(kCamera.cast<S>(), matches<S>(rng, SE3d(), 2, 0)).status ==
+        AbsolutePoseStatus::too_few_observations);
   // A hundred wrong matches agree on next to nothing.
-  CHECK(absolute_pose<double>(kCamera, matches(rng, SE3d(), 0, 100), {}, ws).inliers < 10);
+  CHECK(absolute_pose<S>(kCamera.cast<S>(), matches<S>(rng, SE3d(), 0, 100), {}, ws).inliers < 10);
 }

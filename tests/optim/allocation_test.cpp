@@ -90,8 +90,9 @@ TEST_CASE_TEMPLATE("with a warm workspace consensus and absolute pose allocate n
   const auto all = sights<S>(rng, 200);
   const std::vector<S> weights(all.size(), S(1));
   const Pinhole<S> camera = test::kBundleCamera.cast<S>();
+  PoseConsensusWorkspace flags;
   const auto consensus = [&] {
-    CHECK(pose_consensus<S>(camera, all, SE3<S>(), {}, {}, std::span<const S>(weights)).inliers > 100);
+    CHECK(pose_consensus<S>(camera, all, weights, SE3<S>(), {}, {}, flags).inliers > 100);
   };
   consensus();
   CHECK(test::allocations_of(consensus) == 0);

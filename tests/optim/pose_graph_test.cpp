@@ -86,3 +86,35 @@ TEST_CASE("what cannot be optimised is said") {
   CHECK(run() == PoseGraphStatus::converged);
   CHECK((ring.poses[3] * before.inverse()).log().norm() < 1e-14);
 }
+
+TEST_CASE("a reused workspace gives the same graph, also after one of another size") {
+  test::Rng rng("graph reuse");
+  Ring ring(rng, 40), small(rng, 12), again = ring;
+  PoseGraphWorkspace<double> workspace;
+  const auto run = [&](Ring& r) {
+    return optimize_pose_graph<double>({r.poses, r.fixed, r.edges}, {}, Huber<double>{3.0}, workspace);
+  };
+  const auto first = run(ring);
+  CHECK(run(small).ok());
+  const auto second = run(again);
+  CHECK(first.final_cost == second.final_cost);
+  CHECK(first.iterations == second.iterations);
+  for (std::size_t k = 0; k < ring.poses.size(); ++k)
+    CHECK(ring.poses[k].matrix() == again.poses[k].matrix());
+}
+
+TEST_CASE("in float, a ring loses its drift as in double") {
+  test::Rng rng("graph float");
+  Ring ring(rng, 60);
+  const double drifted = end_error(ring);
+  std::vector<SE3<float>> poses;
+  std::vector<PoseGraphEdge<float>> edges;
+  for (const SE3d& T : ring.poses) poses.push_back(T.cast<float>());
+  for (const auto& e : ring.edges)
+    edges.push_back({e.i, e.j, e.T_j_i.cast<float>(), e.information.cast<float>()});
+  const auto result = optimize_pose_graph<float>({poses, ring.fixed, edges});
+  CHECK(result.ok());
+  CHECK(result.final_cost < 0.5F * result.initial_cost);
+  for (std::size_t k = 0; k < poses.size(); ++k) ring.poses[k] = poses[k].cast<double>();
+  CHECK(end_error(ring) < 0.1 * drifted);
+}

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/optim/bundle_adjustment.hpp"
 #include "random.hpp"
 

@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/optim/bundle_adjustment.hpp"
 
 namespace dynslam::test {
@@ -25,7 +26,7 @@ struct BundleResidual {
     const double px = std::sqrt(o.inv_sigma_px2);
     r[0] = (camera.fx() * p[0] / p[2] + camera.cx() - o.x.x()) * px;
     r[1] = (camera.fy() * p[1] / p[2] + camera.cy() - o.x.y()) * px;
-    r[2] = is_valid_depth(o.depth) ? (p[2] - o.depth) * std::sqrt(o.inv_sigma_z2) : T(0);
+    r[2] = measures_depth(o.depth, o.inv_sigma_z2) ? (p[2] - o.depth) * std::sqrt(o.inv_sigma_z2) : T(0);
     return true;
   }
 };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <concepts>
 #include <cstddef>
 #include <span>
@@ -12,6 +13,7 @@
 #include "dynslam/map/keyframe_map.hpp"
 #include "dynslam/optim/pose.hpp"
 #include "dynslam/optim/pose_consensus.hpp"
+#include "dynslam/optim/surface_weights.hpp"
 #include "dynslam/robust/t_distribution.hpp"
 
 namespace dynslam {
@@ -46,12 +48,15 @@ class MatchedPose {
   }
 
   /// The pose that most matches agree on, see pose_consensus().
-  /// @param surface  where given, matches count by the surface that they stand for; nullptr: all alike
+  /// @param image_size  [px] where matches count by the surface that they stand for; nullptr: all alike
   [[nodiscard]] SE3<S> consensus(const SE3<S>& T_c_w_predicted, std::span<const SE3<S>> alternatives,
-                                 const PoseConsensusOptions<S>& options, const SurfaceOptions<S>* surface) {
+                                 const PoseConsensusOptions<S>& options, const Eigen::Vector2i* image_size) {
     weights_.clear();
-    if (surface != nullptr) surface_weights<S>(T_c_w_predicted, observations_, *surface, weights_);
-    return pose_consensus<S>(camera_, observations_, T_c_w_predicted, alternatives, options, weights_).T_c_w;
+    if (image_size != nullptr)
+      surface_weights<S>(image_size->x(), image_size->y(), T_c_w_predicted, observations_, {}, weights_);
+    return pose_consensus<S>(camera_, observations_, weights_, T_c_w_predicted, alternatives, options,
+                             consensus_)
+        .T_c_w;
   }
 
   /// Drops the matches whose squared normalised error is `max_chi2` or more.
@@ -84,6 +89,7 @@ class MatchedPose {
   std::vector<int> feature_;  // of observations_
   std::vector<S> weights_;    // of observations_ in the consensus
   PoseWorkspace<S> workspace_;
+  PoseConsensusWorkspace consensus_;
 };
 
 }  // namespace dynslam

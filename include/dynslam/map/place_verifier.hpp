@@ -93,7 +93,7 @@ class PlaceVerifier {
     const auto start =
         absolute_pose(camera_, std::span<const PoseObservation<S>>(observations_), options, absolute_);
     result.status = PlaceStatus::no_pose;
-    if (!start.found || start.inliers < options_.min_matches / 2) return result;
+    if (!start.ok() || start.inliers < options_.min_matches / 2) return result;
     PoseResult<S> pose = refine(map, frame, start.T_c_w);
     for (int round = 0; round < options_.rounds; ++round) {
       search(map, frame, keyframe, pose.T_c_w);

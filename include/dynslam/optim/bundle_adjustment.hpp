@@ -9,11 +9,15 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "dynslam/concepts/robust.hpp"
-#include "dynslam/optim/pose.hpp"
+#include "dynslam/geometry/se3.hpp"
+#include "dynslam/optim/levenberg_marquardt.hpp"
+#include "dynslam/optim/pose_residual.hpp"
+#include "dynslam/robust/t_distribution.hpp"
 
 namespace dynslam {
 
@@ -21,7 +25,7 @@ namespace dynslam {
 template <Scalar S>
 struct BundleObservation {
   int pose = 0, point = 0;
-  Eigen::Matrix<S, 2, 1> x;  ///< ideal (undistorted) pixel
+  Eigen::Matrix<S, 2, 1> x;  ///< pixel of the camera that it is used with
   S depth = S(0);            ///< along the optical axis [m]; invalid: reprojection only
   S inv_sigma_px2 = S(1);    ///< [1/px^2]
   S inv_sigma_z2 = S(0);     ///< [1/m^2]
@@ -40,7 +44,11 @@ template <Scalar S>
 struct BundleOptions {
   int max_iterations = 10;  ///< solved systems, refused steps included
   S initial_damping = S(1e-4);
-  S tolerance = S(1e-6);  ///< relative decrease of the cost that ends the iteration
+  S tolerance = S(1e-6);     ///< relative decrease of the cost that ends the iteration
+  S min_damping = S(1e-10);  ///< of Levenberg-Marquardt (see there)
+  S max_damping = S(1e8);    ///< beyond, the adjustment has stalled
+  S held_depth = S(1e-9);    ///< share of a point's information that is added in all directions: one sight
+                             ///< without depth leaves the distance open, which is held by this
 };
 
 enum class BundleStatus : std::uint8_t {
@@ -49,13 +57,13 @@ enum class BundleStatus : std::uint8_t {
   stalled,         ///< no damping gave a decrease; the parameters are those of the last accepted step
   no_free_pose,    ///< nothing to do
   no_gauge,        ///< no pose is fixed
-  bad_input        ///< observations unsorted or out of range, or a non-finite cost at the start
+  bad_input        ///< sizes that disagree, observations unsorted or out of range, or a non-finite cost
 };
 
 template <Scalar S>
 struct BundleResult {
   BundleStatus status = BundleStatus::bad_input;
-  S initial_cost = S(0), final_cost = S(0);  ///< sum of rho over the observations in front of their cameras
+  S initial_cost = S(0), final_cost = S(0);  ///< sum of rho over the observations that their cameras see
   int iterations = 0;
   [[nodiscard]] bool ok() const {
     return status == BundleStatus::converged || status == BundleStatus::max_iterations ||
@@ -63,7 +71,8 @@ struct BundleResult {
   }
 };
 
-/// Memory of bundle_adjust; keep it between calls: nothing is allocated while iterating.
+/// Memory of bundle_adjust; keep it between calls: nothing is allocated while the sizes stay, and nothing
+/// while iterating.
 template <Scalar S>
 struct BundleWorkspace {
   using Matrix63 = Eigen::Matrix<S, 6, 3>;
@@ -81,232 +90,291 @@ struct BundleWorkspace {
   Eigen::LLT<Eigen::Matrix<S, Eigen::Dynamic, Eigen::Dynamic>> factor;
 };
 
-/// Squared normalised error of an observation; infinity behind the camera.
-template <std::floating_point S>
-[[nodiscard]] S bundle_chi2(const Pinhole<S>& camera, const SE3<S>& T_c_w, const Eigen::Matrix<S, 3, 1>& p_w,
-                            const BundleObservation<S>& o) {
-  return observation_chi2<S>(camera, T_c_w, {p_w, o.x, o.depth, o.inv_sigma_px2, o.inv_sigma_z2});
+/// An observation of a bundle as one of a pose.
+template <Scalar S>
+[[nodiscard]] PoseObservation<S> pose_observation(const BundleObservation<S>& o,
+                                                  const Eigen::Matrix<S, 3, 1>& p_w) {
+  return {p_w, o.x, o.depth, o.inv_sigma_px2, o.inv_sigma_z2};
 }
+
+/// Squared normalised error of an observation; infinity where the camera does not see the point.
+template <Scalar S, CameraOf<S> Camera>
+[[nodiscard]] S bundle_chi2(const Camera& camera, const SE3<S>& T_c_w, const Eigen::Matrix<S, 3, 1>& p_w,
+                            const BundleObservation<S>& o) {
+  return observation_chi2(camera, T_c_w, pose_observation(o, p_w));
+}
+
+namespace detail {
+
+/// Poses and points of a bundle as a LeastSquaresProblem.
+template <std::floating_point S, class Camera, class Kernel>
+class BundleSolver {
+ public:
+  BundleSolver(const Camera& camera, const BundleProblem<S>& problem, const BundleOptions<S>& options,
+               const Kernel& kernel, BundleWorkspace<S>& workspace)
+      : camera_(camera), problem_(problem), options_(options), kernel_(kernel), ws_(workspace) {}
+
+  /// Checks the problem and makes the workspace fit. @return what stands against it, if anything does
+  [[nodiscard]] std::optional<BundleStatus> prepare() {
+    const auto pose_count = static_cast<int>(problem_.poses.size()),
+               point_count = static_cast<int>(problem_.points.size());
+    if (problem_.fixed.size() != problem_.poses.size()) return BundleStatus::bad_input;
+    int last = 0;
+    for (const BundleObservation<S>& o : problem_.observations) {
+      if (o.pose < 0 || o.pose >= pose_count || o.point < last || o.point >= point_count)
+        return BundleStatus::bad_input;
+      if (!o.x.allFinite()) return BundleStatus::bad_input;
+      last = o.point;
+    }
+    free_ = 0;
+    ws_.column.assign(problem_.poses.size(), -1);
+    for (std::size_t i = 0; i < problem_.poses.size(); ++i) {
+      if (problem_.fixed[i] == 0) ws_.column[i] = free_++;
+    }
+    if (free_ == 0) return BundleStatus::no_free_pose;
+    if (free_ == pose_count) return BundleStatus::no_gauge;
+    ws_.W.resize(problem_.observations.size());
+    ws_.V.resize(problem_.points.size());
+    ws_.V_inverse.resize(problem_.points.size());
+    ws_.b_point.resize(problem_.points.size());
+    ws_.U.resize(static_cast<std::size_t>(free_));
+    ws_.b_pose.resize(static_cast<std::size_t>(free_));
+    ws_.poses.resize(problem_.poses.size());
+    ws_.points.resize(problem_.points.size());
+    ws_.reduced.resize(6 * free_, 6 * free_);
+    ws_.rhs.resize(6 * free_);
+    ws_.step.resize(6 * free_);
+    ws_.in_front.assign(problem_.observations.size(), 0);
+    return std::nullopt;
+  }
+
+  /// Cost at the start. Those in front of their cameras count from now on.
+  [[nodiscard]] S start() {
+    mark_in_front();
+    return cost_now().all;
+  }
+
+  void linearise() {
+    for (auto& U : ws_.U) U.setZero();
+    for (auto& b : ws_.b_pose) b.setZero();
+    for (auto& V : ws_.V) V.setZero();
+    for (auto& b : ws_.b_point) b.setZero();
+    for (std::size_t k = 0; k < problem_.observations.size(); ++k) linearise(k);
+  }
+
+  [[nodiscard]] bool solve(const S& lambda) {
+    reduce_poses(lambda);
+    const auto& observations = problem_.observations;
+    for (std::size_t first = 0; first < observations.size();) {
+      const std::size_t last = end_of_point(first);
+      eliminate_point(first, last, lambda);
+      first = last;
+    }
+    ws_.factor.compute(ws_.reduced);
+    if (ws_.factor.info() != Eigen::Success) return false;
+    ws_.step = ws_.factor.solve(ws_.rhs);
+    return ws_.step.allFinite();
+  }
+
+  [[nodiscard]] S apply() {
+    std::copy(problem_.poses.begin(), problem_.poses.end(), ws_.poses.begin());
+    std::copy(problem_.points.begin(), problem_.points.end(), ws_.points.begin());
+    const auto& observations = problem_.observations;
+    for (std::size_t first = 0; first < observations.size();) {
+      const std::size_t j = point_of(observations[first]), last = end_of_point(first);
+      Vector3 b = -ws_.b_point[j];
+      for (std::size_t k = first; k < last; ++k) {
+        const int c = column_of(observations[k]);
+        if (c >= 0) b.noalias() -= ws_.W[k].transpose() * ws_.step.template segment<6>(6 * c);
+      }
+      problem_.points[j] += ws_.V_inverse[j] * b;
+      first = last;
+    }
+    for (std::size_t i = 0; i < problem_.poses.size(); ++i) {
+      if (ws_.column[i] < 0) continue;
+      const Eigen::Matrix<S, 6, 1> delta = ws_.step.template segment<6>(6 * ws_.column[i]);
+      problem_.poses[i] = SE3<S>::exp(delta) * problem_.poses[i];
+    }
+    trial_ = cost_now();
+    return trial_.known;
+  }
+  S accept(const S&) {
+    mark_in_front();
+    return trial_.all;
+  }
+  void restore() {
+    std::copy(ws_.poses.begin(), ws_.poses.end(), problem_.poses.begin());
+    std::copy(ws_.points.begin(), ws_.points.end(), problem_.points.begin());
+  }
+  [[nodiscard]] bool converged(bool moved, const S& decrease, const S& cost) const {
+    return moved && decrease <= options_.tolerance * cost;
+  }
+
+ private:
+  using Matrix3 = Eigen::Matrix<S, 3, 3>;
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+  using Matrix36 = Eigen::Matrix<S, 3, 6>;
+  struct Cost {
+    S known = S(0);  // of the observations that counted before
+    S all = S(0);    // and of those that have come in front, for which the known ones cannot pay
+  };
+
+  [[nodiscard]] static std::size_t point_of(const BundleObservation<S>& o) {
+    return static_cast<std::size_t>(o.point);
+  }
+  [[nodiscard]] const SE3<S>& pose_of(const BundleObservation<S>& o) const {
+    return problem_.poses[static_cast<std::size_t>(o.pose)];
+  }
+  [[nodiscard]] int column_of(const BundleObservation<S>& o) const {
+    return ws_.column[static_cast<std::size_t>(o.pose)];
+  }
+  /// One past the last observation of the point that the one at `first` sees.
+  [[nodiscard]] std::size_t end_of_point(std::size_t first) const {
+    const auto& observations = problem_.observations;
+    std::size_t last = first;
+    while (last < observations.size() && observations[last].point == observations[first].point) ++last;
+    return last;
+  }
+  [[nodiscard]] S chi2(const BundleObservation<S>& o) const {
+    return bundle_chi2(camera_, pose_of(o), problem_.points[point_of(o)], o);
+  }
+
+  [[nodiscard]] Cost cost_now() const {
+    constexpr S kInfinity = std::numeric_limits<S>::infinity();
+    Cost sum;
+    for (std::size_t k = 0; k < problem_.observations.size(); ++k) {
+      const S e = chi2(problem_.observations[k]);
+      if (e == kInfinity) {
+        if (ws_.in_front[k] == 0) continue;
+        return {kInfinity, kInfinity};
+      }
+      const S rho = kernel_.rho(e);
+      if (ws_.in_front[k] != 0) sum.known += rho;
+      sum.all += rho;
+    }
+    return sum;
+  }
+  void mark_in_front() {
+    for (std::size_t k = 0; k < problem_.observations.size(); ++k) {
+      if (ws_.in_front[k] == 0 && chi2(problem_.observations[k]) != std::numeric_limits<S>::infinity())
+        ws_.in_front[k] = 1;
+    }
+  }
+
+  void linearise(std::size_t k) {
+    const BundleObservation<S>& o = problem_.observations[k];
+    const std::size_t j = point_of(o);
+    const SE3<S>& T = pose_of(o);
+    const PoseObservation<S> single = pose_observation(o, problem_.points[j]);
+    Vector3 r;
+    Matrix36 J;
+    ws_.W[k].setZero();
+    if (!pose_residual(camera_, T, single, r, &J)) return;
+    const S weight = kernel_.weight(observation_chi2(single, r));
+    const Vector3 information(weight * o.inv_sigma_px2, weight * o.inv_sigma_px2,
+                              measures_depth(single) ? weight * o.inv_sigma_z2 : S(0));
+    // The left three columns of J are the derivative by the point in the camera frame.
+    const Matrix3 J_point = J.template leftCols<3>() * T.rotation_matrix();
+    const Matrix3 weighted = information.asDiagonal() * J_point;
+    ws_.V[j].noalias() += J_point.transpose() * weighted;
+    ws_.b_point[j].noalias() += weighted.transpose() * r;
+    const int c = column_of(o);
+    if (c < 0) return;
+    ws_.W[k].noalias() = J.transpose() * weighted;
+    const Matrix36 weighted_pose = information.asDiagonal() * J;
+    ws_.U[static_cast<std::size_t>(c)].noalias() += J.transpose() * weighted_pose;
+    ws_.b_pose[static_cast<std::size_t>(c)].noalias() += weighted_pose.transpose() * r;
+  }
+
+  /// The reduced system before the points are eliminated: blocks of the poses alone.
+  void reduce_poses(const S& lambda) {
+    ws_.reduced.setZero();
+    for (int c = 0; c < free_; ++c) {
+      Eigen::Matrix<S, 6, 6> U = ws_.U[static_cast<std::size_t>(c)];
+      U.diagonal() += lambda * U.diagonal();
+      U.diagonal().array() += std::numeric_limits<S>::min();
+      ws_.reduced.template block<6, 6>(6 * c, 6 * c) = U;
+      ws_.rhs.template segment<6>(6 * c) = -ws_.b_pose[static_cast<std::size_t>(c)];
+    }
+  }
+
+  /// Eliminates the point of the observations [first, last). One that no free pose sees keeps its V, so it is
+  /// adjusted, too; one without information stays.
+  void eliminate_point(std::size_t first, std::size_t last, const S& lambda) {
+    const auto& observations = problem_.observations;
+    const std::size_t j = point_of(observations[first]);
+    Matrix3 V = ws_.V[j];
+    V.diagonal() += lambda * V.diagonal();
+    const S scale = V.trace();
+    Matrix3 inverse = Matrix3::Zero();
+    if (scale > S(0)) {
+      V.diagonal().array() += options_.held_depth * scale;
+      inverse = V.inverse();
+    }
+    ws_.V_inverse[j] = inverse;
+    for (std::size_t a = first; a < last; ++a) {
+      const int ca = column_of(observations[a]);
+      if (ca < 0) continue;
+      const Eigen::Matrix<S, 6, 3> Y = ws_.W[a] * inverse;
+      ws_.rhs.template segment<6>(6 * ca).noalias() += Y * ws_.b_point[j];
+      for (std::size_t b = first; b < last; ++b) {
+        const int cb = column_of(observations[b]);
+        if (cb < 0 || cb > ca) continue;  // the lower triangle
+        ws_.reduced.template block<6, 6>(6 * ca, 6 * cb).noalias() -= Y * ws_.W[b].transpose();
+      }
+    }
+  }
+
+  const Camera& camera_;
+  const BundleProblem<S>& problem_;
+  const BundleOptions<S>& options_;
+  const Kernel& kernel_;
+  BundleWorkspace<S>& ws_;
+  int free_ = 0;
+  Cost trial_;
+};
+
+}  // namespace detail
 
 /// Poses and points that minimise the robust reprojection and depth errors (Eqs 5 and 6 over a window
 /// of keyframes), by Levenberg-Marquardt. The points are eliminated (Schur complement), which leaves a
 /// dense system of six unknowns per free pose; meant for windows of up to some tens of poses.
 /// An observation that is behind its camera at the start does not count until a step brings it in front; a
 /// step that puts any other one there is refused, or hiding points would be a way to a low cost.
-template <std::floating_point S, RobustKernel<S> Kernel>
-BundleResult<S> bundle_adjust(const Pinhole<S>& camera, const BundleProblem<S>& problem,
-                              const BundleOptions<S>& options, const Kernel& kernel, BundleWorkspace<S>& ws) {
-  using Matrix3 = Eigen::Matrix<S, 3, 3>;
-  using Vector3 = Eigen::Matrix<S, 3, 1>;
-  using Vector6 = Eigen::Matrix<S, 6, 1>;
+/// @param camera  any camera with a derivative; the observations are its pixels
+template <std::floating_point S, DifferentiableCameraOf<S> Camera, RobustKernel<S> Kernel>
+BundleResult<S> bundle_adjust(const Camera& camera, const BundleProblem<S>& problem,
+                              const BundleOptions<S>& options, const Kernel& kernel,
+                              BundleWorkspace<S>& workspace) {
   BundleResult<S> result;
-  const auto& observations = problem.observations;
-  const auto pose_count = static_cast<int>(problem.poses.size()),
-             point_count = static_cast<int>(problem.points.size());
-  if (problem.fixed.size() != problem.poses.size()) return result;
-  for (std::size_t k = 0; k < observations.size(); ++k) {
-    const auto& o = observations[k];
-    if (o.pose < 0 || o.pose >= pose_count || o.point < 0 || o.point >= point_count) return result;
-    if (!o.x.allFinite()) return result;
-    if (k > 0 && o.point < observations[k - 1].point) return result;
-  }
-  int free = 0;
-  ws.column.assign(problem.poses.size(), -1);
-  for (std::size_t i = 0; i < problem.poses.size(); ++i) {
-    if (problem.fixed[i] == 0) ws.column[i] = free++;
-  }
-  if (free == 0) {
-    result.status = BundleStatus::no_free_pose;
+  detail::BundleSolver<S, Camera, Kernel> solver(camera, problem, options, kernel, workspace);
+  if (const auto refused = solver.prepare()) {
+    result.status = *refused;
     return result;
   }
-  if (free == pose_count) {
-    result.status = BundleStatus::no_gauge;
-    return result;
-  }
-
-  ws.W.resize(observations.size());
-  ws.V.resize(problem.points.size());
-  ws.V_inverse.resize(problem.points.size());
-  ws.b_point.resize(problem.points.size());
-  ws.U.resize(static_cast<std::size_t>(free));
-  ws.b_pose.resize(static_cast<std::size_t>(free));
-  ws.poses.resize(problem.poses.size());
-  ws.points.resize(problem.points.size());
-  ws.reduced.resize(6 * free, 6 * free);
-  ws.rhs.resize(6 * free);
-  ws.step.resize(6 * free);
-
-  constexpr S kInfinity = std::numeric_limits<S>::infinity();
-  struct Cost {
-    S known = S(0);  // of the observations that counted before
-    S all =
-        S(0);  // and of those that have come in front of their camera, which the known ones cannot pay for
-  };
-  const auto chi2 = [&](const BundleObservation<S>& o) {
-    return bundle_chi2<S>(camera, problem.poses[static_cast<std::size_t>(o.pose)],
-                          problem.points[static_cast<std::size_t>(o.point)], o);
-  };
-  const auto cost_now = [&] {
-    Cost sum;
-    for (std::size_t k = 0; k < observations.size(); ++k) {
-      const S e = chi2(observations[k]);
-      if (e == kInfinity) {
-        if (ws.in_front[k] == 0) continue;
-        sum.known = sum.all = kInfinity;
-        break;
-      }
-      const S rho = kernel.rho(e);
-      if (ws.in_front[k] != 0) sum.known += rho;
-      sum.all += rho;
-    }
-    return sum;
-  };
-  const auto mark_in_front = [&] {
-    for (std::size_t k = 0; k < observations.size(); ++k) {
-      if (ws.in_front[k] == 0 && chi2(observations[k]) != kInfinity) ws.in_front[k] = 1;
-    }
-  };
-  ws.in_front.assign(observations.size(), 0);
-  mark_in_front();
-  S cost = cost_now().all;
-  result.initial_cost = result.final_cost = cost;
-  if (!std::isfinite(cost)) return result;
-
-  const auto linearise = [&] {
-    for (auto& U : ws.U) U.setZero();
-    for (auto& b : ws.b_pose) b.setZero();
-    for (auto& V : ws.V) V.setZero();
-    for (auto& b : ws.b_point) b.setZero();
-    for (std::size_t k = 0; k < observations.size(); ++k) {
-      const auto& o = observations[k];
-      const auto j = static_cast<std::size_t>(o.point);
-      const SE3<S>& T = problem.poses[static_cast<std::size_t>(o.pose)];
-      const PoseObservation<S> single{problem.points[j], o.x, o.depth, o.inv_sigma_px2, o.inv_sigma_z2};
-      Vector3 r;
-      Eigen::Matrix<S, 3, 6> J;
-      ws.W[k].setZero();
-      if (!pose_residual<S>(camera, T, single, r, &J)) continue;
-      const bool depth = o.inv_sigma_z2 > S(0) && is_valid_depth(o.depth);
-      const S e =
-          o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y()) + (depth ? o.inv_sigma_z2 * r.z() * r.z() : S(0));
-      const S weight = kernel.weight(e);
-      const Vector3 information(weight * o.inv_sigma_px2, weight * o.inv_sigma_px2,
-                                depth ? weight * o.inv_sigma_z2 : S(0));
-      // The left three columns of J are the derivative by the point in the camera frame.
-      const Matrix3 J_point = J.template leftCols<3>() * T.rotation_matrix();
-      const Eigen::Matrix<S, 3, 3> weighted = information.asDiagonal() * J_point;
-      ws.V[j].noalias() += J_point.transpose() * weighted;
-      ws.b_point[j].noalias() += weighted.transpose() * r;
-      const int c = ws.column[static_cast<std::size_t>(o.pose)];
-      if (c < 0) continue;
-      ws.W[k].noalias() = J.transpose() * weighted;
-      const Eigen::Matrix<S, 3, 6> weighted_pose = information.asDiagonal() * J;
-      ws.U[static_cast<std::size_t>(c)].noalias() += J.transpose() * weighted_pose;
-      ws.b_pose[static_cast<std::size_t>(c)].noalias() += weighted_pose.transpose() * r;
-    }
-  };
-
-  // A point that no free pose sees keeps its V, so it is adjusted, too; one without information stays.
-  const auto solve = [&](S lambda) {
-    ws.reduced.setZero();
-    for (int c = 0; c < free; ++c) {
-      Eigen::Matrix<S, 6, 6> U = ws.U[static_cast<std::size_t>(c)];
-      U.diagonal() += lambda * U.diagonal();
-      U.diagonal().array() += std::numeric_limits<S>::min();
-      ws.reduced.template block<6, 6>(6 * c, 6 * c) = U;
-      ws.rhs.template segment<6>(6 * c) = -ws.b_pose[static_cast<std::size_t>(c)];
-    }
-    for (std::size_t first = 0; first < observations.size();) {
-      const auto j = static_cast<std::size_t>(observations[first].point);
-      std::size_t last = first;
-      while (last < observations.size() && observations[last].point == observations[first].point) ++last;
-      Matrix3 V = ws.V[j];
-      V.diagonal() += lambda * V.diagonal();
-      const S scale = V.trace();
-      Matrix3 inverse = Matrix3::Zero();
-      if (scale > S(0)) {
-        // One sight without depth leaves the distance open: that direction is held.
-        V.diagonal().array() += S(1e-9) * scale;
-        inverse = V.inverse();
-      }
-      ws.V_inverse[j] = inverse;
-      for (std::size_t a = first; a < last; ++a) {
-        const int ca = ws.column[static_cast<std::size_t>(observations[a].pose)];
-        if (ca < 0) continue;
-        const Eigen::Matrix<S, 6, 3> Y = ws.W[a] * inverse;
-        ws.rhs.template segment<6>(6 * ca).noalias() += Y * ws.b_point[j];
-        for (std::size_t b = first; b < last; ++b) {
-          const int cb = ws.column[static_cast<std::size_t>(observations[b].pose)];
-          if (cb < 0 || cb > ca) continue;  // the lower triangle
-          ws.reduced.template block<6, 6>(6 * ca, 6 * cb).noalias() -= Y * ws.W[b].transpose();
-        }
-      }
-      first = last;
-    }
-    ws.factor.compute(ws.reduced);
-    if (ws.factor.info() != Eigen::Success) return false;
-    ws.step = ws.factor.solve(ws.rhs);
-    return ws.step.allFinite();
-  };
-
-  const auto apply = [&] {
-    std::copy(problem.poses.begin(), problem.poses.end(), ws.poses.begin());
-    std::copy(problem.points.begin(), problem.points.end(), ws.points.begin());
-    for (std::size_t first = 0; first < observations.size();) {
-      const auto j = static_cast<std::size_t>(observations[first].point);
-      Vector3 b = -ws.b_point[j];
-      std::size_t k = first;
-      for (; k < observations.size() && observations[k].point == observations[first].point; ++k) {
-        const int c = ws.column[static_cast<std::size_t>(observations[k].pose)];
-        if (c >= 0) b.noalias() -= ws.W[k].transpose() * ws.step.template segment<6>(6 * c);
-      }
-      problem.points[j] += ws.V_inverse[j] * b;
-      first = k;
-    }
-    for (std::size_t i = 0; i < problem.poses.size(); ++i) {
-      if (ws.column[i] < 0) continue;
-      const Vector6 delta = ws.step.template segment<6>(6 * ws.column[i]);
-      problem.poses[i] = SE3<S>::exp(delta) * problem.poses[i];
-    }
-  };
-
-  S lambda = options.initial_damping;
-  result.status = BundleStatus::max_iterations;
-  bool fresh = true;
-  while (result.iterations < options.max_iterations) {
-    if (fresh) linearise();
-    ++result.iterations;
-    fresh = false;
-    bool accepted = false;
-    if (solve(lambda)) {
-      apply();
-      const Cost trial = cost_now();
-      accepted = trial.known <= cost;
-      if (accepted) {
-        const S decrease = cost - trial.known;
-        mark_in_front();
-        cost = trial.all;
-        fresh = true;
-        lambda = std::max(lambda * S(0.1), S(1e-10));
-        if (decrease <= options.tolerance * cost) {
-          result.status = BundleStatus::converged;
-          break;
-        }
-      } else {
-        std::copy(ws.poses.begin(), ws.poses.end(), problem.poses.begin());
-        std::copy(ws.points.begin(), ws.points.end(), problem.points.begin());
-      }
-    }
-    if (!accepted) {
-      lambda *= S(10);
-      if (lambda > S(1e8)) {
-        result.status = BundleStatus::stalled;
-        break;
-      }
-    }
-  }
-  result.final_cost = cost;
+  result.initial_cost = result.final_cost = solver.start();
+  if (!std::isfinite(result.initial_cost)) return result;
+  LevenbergMarquardtOptions<S> damping;
+  damping.max_iterations = options.max_iterations;
+  damping.initial_damping = options.initial_damping;
+  damping.min_damping = options.min_damping;
+  damping.max_damping = options.max_damping;
+  const auto minimum = levenberg_marquardt(solver, result.initial_cost, damping);
+  result.final_cost = minimum.cost;
+  result.iterations = minimum.iterations;
+  using Status = LevenbergMarquardtStatus;
+  result.status = minimum.status == Status::converged ? BundleStatus::converged
+                  : minimum.status == Status::stalled ? BundleStatus::stalled
+                                                      : BundleStatus::max_iterations;
   return result;
+}
+
+/// The same for those who try it once: memory of its own, a t-distribution.
+template <std::floating_point S, DifferentiableCameraOf<S> Camera>
+BundleResult<S> bundle_adjust(const Camera& camera, const BundleProblem<S>& problem,
+                              const BundleOptions<S>& options = {}) {
+  BundleWorkspace<S> workspace;
+  return bundle_adjust(camera, problem, options, TDistribution<S>(), workspace);
 }
 
 }  // namespace dynslam

@@ -9,11 +9,14 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "dynslam/concepts/robust.hpp"
 #include "dynslam/geometry/se3.hpp"
+#include "dynslam/optim/levenberg_marquardt.hpp"
+#include "dynslam/robust/kernels.hpp"
 
 namespace dynslam {
 
@@ -38,7 +41,10 @@ template <Scalar S>
 struct PoseGraphOptions {
   int max_iterations = 50;  ///< solved systems, refused steps included
   S initial_damping = S(1e-6);
-  S tolerance = S(1e-8);  ///< relative decrease of the cost that ends the iteration
+  S tolerance = S(1e-8);            ///< relative decrease of the cost that ends the iteration
+  S min_damping = S(1e-12);         ///< of Levenberg-Marquardt (see there)
+  S min_refused_damping = S(1e-8);  ///< the damping starts so low that it would take long to rise otherwise
+  S max_damping = S(1e8);           ///< beyond, the graph has stalled
 };
 
 enum class PoseGraphStatus : std::uint8_t {
@@ -47,7 +53,7 @@ enum class PoseGraphStatus : std::uint8_t {
   stalled,         ///< no damping gave a decrease; the poses are those of the last accepted step
   no_free_pose,    ///< nothing to do
   no_gauge,        ///< no pose is fixed
-  bad_input        ///< edges out of range or from a pose to itself, or a non-finite cost at the start
+  bad_input        ///< sizes that disagree, edges out of range or from a pose to itself, or a non-finite cost
 };
 
 template <Scalar S>
@@ -61,9 +67,22 @@ struct PoseGraphResult {
   }
 };
 
+/// Memory of optimize_pose_graph; keep it between calls. What Eigen's sparse factorisation needs beside it is
+/// allocated in every call.
+template <Scalar S>
+struct PoseGraphWorkspace {
+  std::vector<int> column;             // per pose: index among the free ones, -1 fixed
+  std::vector<std::vector<int>> rows;  // per block column: its blocks of the lower triangle, sorted
+  std::vector<Eigen::Triplet<S>> triplets;
+  std::vector<SE3<S>> before;  // poses before the trial step
+  Eigen::SparseMatrix<S> H;    // lower triangle
+  Eigen::Matrix<S, Eigen::Dynamic, 1> b, step, undamped;
+  Eigen::SimplicialLDLT<Eigen::SparseMatrix<S>> factor;
+};
+
 /// Error of an edge: log(T_j_w T_w_i T_i_j), zero where the poses agree with the measurement.
 /// @param J_i, J_j  derivatives by left increments of T_i_w and T_j_w; may be null
-template <std::floating_point S>
+template <Scalar S>
 [[nodiscard]] Eigen::Matrix<S, 6, 1> pose_graph_residual(const SE3<S>& T_i_w, const SE3<S>& T_j_w,
                                                          const SE3<S>& T_j_i, Eigen::Matrix<S, 6, 6>* J_i,
                                                          Eigen::Matrix<S, 6, 6>* J_j) {
@@ -77,156 +96,180 @@ template <std::floating_point S>
   return e;
 }
 
+namespace detail {
+
+/// The poses of a graph as a LeastSquaresProblem.
+template <std::floating_point S, class Kernel>
+class PoseGraphSolver {
+ public:
+  PoseGraphSolver(const PoseGraph<S>& graph, const PoseGraphOptions<S>& options, const Kernel& kernel,
+                  PoseGraphWorkspace<S>& workspace)
+      : graph_(graph), options_(options), kernel_(kernel), ws_(workspace) {}
+
+  /// Checks the graph and finds the pattern of its system. @return what stands against it, if anything does
+  [[nodiscard]] std::optional<PoseGraphStatus> prepare() {
+    const auto count = static_cast<int>(graph_.poses.size());
+    if (graph_.fixed.size() != graph_.poses.size()) return PoseGraphStatus::bad_input;
+    for (const auto& e : graph_.edges) {
+      if (e.i < 0 || e.j < 0 || e.i >= count || e.j >= count || e.i == e.j) return PoseGraphStatus::bad_input;
+    }
+    ws_.column.assign(graph_.poses.size(), -1);
+    free_ = 0;
+    for (std::size_t k = 0; k < graph_.poses.size(); ++k) {
+      if (graph_.fixed[k] == 0) ws_.column[k] = free_++;
+    }
+    if (free_ == 0) return PoseGraphStatus::no_free_pose;
+    if (free_ == count) return PoseGraphStatus::no_gauge;
+    find_pattern();
+    ws_.b.resize(6 * free_);
+    ws_.step.resize(6 * free_);
+    ws_.undamped.resize(6 * free_);
+    ws_.before.assign(graph_.poses.begin(), graph_.poses.end());
+    return std::nullopt;
+  }
+
+  [[nodiscard]] S cost() const {
+    S sum = S(0);
+    for (const auto& e : graph_.edges) {
+      const Vector6 r = pose_graph_residual<S>(pose(e.i), pose(e.j), e.T_j_i, nullptr, nullptr);
+      sum += kernel_.rho(r.dot(e.information * r));
+    }
+    return sum;
+  }
+
+  void linearise() {
+    std::fill(ws_.H.valuePtr(), ws_.H.valuePtr() + ws_.H.nonZeros(), S(0));
+    ws_.b.setZero();
+    for (const auto& e : graph_.edges) add_edge(e);
+    for (int k = 0; k < 6 * free_; ++k) ws_.undamped(k) = diagonal(k);
+  }
+
+  [[nodiscard]] bool solve(const S& lambda) {
+    // A pose without an edge has a zero block: it gets a unit one and stays.
+    for (int k = 0; k < 6 * free_; ++k)
+      diagonal(k) = ws_.undamped(k) > S(0) ? ws_.undamped(k) * (S(1) + lambda) : S(1);
+    ws_.factor.factorize(ws_.H);
+    if (ws_.factor.info() != Eigen::Success) return false;
+    ws_.step = ws_.factor.solve(ws_.b);
+    return ws_.step.allFinite();
+  }
+
+  [[nodiscard]] S apply() {
+    std::copy(graph_.poses.begin(), graph_.poses.end(), ws_.before.begin());
+    for (std::size_t k = 0; k < graph_.poses.size(); ++k) {
+      if (ws_.column[k] < 0) continue;
+      const Vector6 delta = ws_.step.template segment<6>(6 * ws_.column[k]);
+      graph_.poses[k] = SE3<S>::exp(delta) * graph_.poses[k];
+    }
+    return cost();
+  }
+  S accept(const S& trial) { return trial; }
+  void restore() { std::copy(ws_.before.begin(), ws_.before.end(), graph_.poses.begin()); }
+  [[nodiscard]] bool converged(bool moved, const S& decrease, const S& cost) const {
+    return moved && decrease <= options_.tolerance * cost;
+  }
+
+ private:
+  using Matrix6 = Eigen::Matrix<S, 6, 6>;
+  using Vector6 = Eigen::Matrix<S, 6, 1>;
+  using Index = Eigen::Index;
+
+  [[nodiscard]] const SE3<S>& pose(int k) const { return graph_.poses[static_cast<std::size_t>(k)]; }
+  [[nodiscard]] int column(int k) const { return ws_.column[static_cast<std::size_t>(k)]; }
+
+  /// Pattern of the lower triangle in blocks of six.
+  void find_pattern() {
+    ws_.rows.resize(static_cast<std::size_t>(free_));
+    for (int c = 0; c < free_; ++c) ws_.rows[static_cast<std::size_t>(c)].assign(1, c);
+    for (const auto& e : graph_.edges) {
+      const int a = column(e.i), b = column(e.j);
+      if (a >= 0 && b >= 0) ws_.rows[static_cast<std::size_t>(std::min(a, b))].push_back(std::max(a, b));
+    }
+    ws_.triplets.clear();
+    for (int c = 0; c < free_; ++c) {
+      auto& r = ws_.rows[static_cast<std::size_t>(c)];
+      std::sort(r.begin(), r.end());
+      r.erase(std::unique(r.begin(), r.end()), r.end());
+      for (const int row : r) {
+        for (int x = 0; x < 6; ++x) {
+          for (int y = 0; y < 6; ++y) ws_.triplets.emplace_back(6 * row + y, 6 * c + x, S(1));
+        }
+      }
+    }
+    ws_.H.resize(6 * free_, 6 * free_);
+    ws_.H.setFromTriplets(ws_.triplets.begin(), ws_.triplets.end());
+    ws_.factor.analyzePattern(ws_.H);
+  }
+
+  void add_edge(const PoseGraphEdge<S>& e) {
+    std::array<Matrix6, 2> J;
+    const Vector6 r = pose_graph_residual<S>(pose(e.i), pose(e.j), e.T_j_i, &J[0], &J[1]);
+    const Matrix6 information = kernel_.weight(r.dot(e.information * r)) * e.information;
+    const std::array<int, 2> c{column(e.i), column(e.j)};
+    for (std::size_t a = 0; a < 2; ++a) {
+      if (c[a] < 0) continue;
+      const Matrix6 weighted = J[a].transpose() * information;
+      ws_.b.template segment<6>(6 * c[a]) -= weighted * r;
+      add_block(c[a], c[a], weighted * J[a]);
+      if (c[1 - a] >= 0 && c[a] > c[1 - a]) add_block(c[a], c[1 - a], weighted * J[1 - a]);
+    }
+  }
+  void add_block(int row, int c, const Matrix6& block) {
+    const auto& r = ws_.rows[static_cast<std::size_t>(c)];
+    const Index offset = 6 * (std::lower_bound(r.begin(), r.end(), row) - r.begin());
+    for (int x = 0; x < 6; ++x) {
+      S* values = ws_.H.valuePtr() + ws_.H.outerIndexPtr()[6 * c + x] + offset;
+      for (int y = 0; y < 6; ++y) values[y] += block(y, x);
+    }
+  }
+  /// Of block column k / 6, whose own block comes first.
+  [[nodiscard]] S& diagonal(int k) { return ws_.H.valuePtr()[ws_.H.outerIndexPtr()[k] + k % 6]; }
+
+  const PoseGraph<S>& graph_;
+  const PoseGraphOptions<S>& options_;
+  const Kernel& kernel_;
+  PoseGraphWorkspace<S>& ws_;
+  int free_ = 0;
+};
+
+}  // namespace detail
+
 /// Poses that agree best with measured relative poses (loop closing): Levenberg-Marquardt on SE(3) with
 /// exact Jacobians and a sparse Cholesky factorisation, whose pattern is found once. A robust kernel
 /// keeps a wrong loop from bending the map. Poses without an edge stay where they are.
 template <std::floating_point S, RobustKernel<S> Kernel>
 PoseGraphResult<S> optimize_pose_graph(const PoseGraph<S>& graph, const PoseGraphOptions<S>& options,
-                                       const Kernel& kernel) {
-  using Matrix6 = Eigen::Matrix<S, 6, 6>;
-  using Vector6 = Eigen::Matrix<S, 6, 1>;
-  using Index = Eigen::Index;
+                                       const Kernel& kernel, PoseGraphWorkspace<S>& workspace) {
   PoseGraphResult<S> result;
-  const auto count = static_cast<int>(graph.poses.size());
-  if (graph.fixed.size() != graph.poses.size()) return result;
-  for (const auto& e : graph.edges) {
-    if (e.i < 0 || e.j < 0 || e.i >= count || e.j >= count || e.i == e.j) return result;
-  }
-  std::vector<int> column(graph.poses.size(), -1);
-  int free = 0;
-  for (std::size_t k = 0; k < graph.poses.size(); ++k) {
-    if (graph.fixed[k] == 0) column[k] = free++;
-  }
-  if (free == 0) {
-    result.status = PoseGraphStatus::no_free_pose;
+  detail::PoseGraphSolver<S, Kernel> solver(graph, options, kernel, workspace);
+  if (const auto refused = solver.prepare()) {
+    result.status = *refused;
     return result;
   }
-  if (free == count) {
-    result.status = PoseGraphStatus::no_gauge;
-    return result;
-  }
-
-  // Pattern of the lower triangle in blocks of six; `entry` finds a block's first value again.
-  std::vector<std::vector<int>> rows(static_cast<std::size_t>(free));  // per block column, sorted
-  for (int c = 0; c < free; ++c) rows[static_cast<std::size_t>(c)].push_back(c);
-  for (const auto& e : graph.edges) {
-    const int a = column[static_cast<std::size_t>(e.i)], b = column[static_cast<std::size_t>(e.j)];
-    if (a >= 0 && b >= 0) rows[static_cast<std::size_t>(std::min(a, b))].push_back(std::max(a, b));
-  }
-  Eigen::SparseMatrix<S> H(6 * free, 6 * free);
-  {
-    std::vector<Eigen::Triplet<S>> triplets;
-    for (int c = 0; c < free; ++c) {
-      auto& r = rows[static_cast<std::size_t>(c)];
-      std::sort(r.begin(), r.end());
-      r.erase(std::unique(r.begin(), r.end()), r.end());
-      for (const int row : r) {
-        for (int x = 0; x < 6; ++x) {
-          for (int y = 0; y < 6; ++y) triplets.emplace_back(6 * row + y, 6 * c + x, S(1));
-        }
-      }
-    }
-    H.setFromTriplets(triplets.begin(), triplets.end());
-  }
-  const auto add_block = [&](int row, int c, const Matrix6& block) {
-    const auto& r = rows[static_cast<std::size_t>(c)];
-    const Index offset = 6 * (std::lower_bound(r.begin(), r.end(), row) - r.begin());
-    for (int x = 0; x < 6; ++x) {
-      S* values = H.valuePtr() + H.outerIndexPtr()[6 * c + x] + offset;
-      for (int y = 0; y < 6; ++y) values[y] += block(y, x);
-    }
-  };
-  const auto diagonal = [&](int k) -> S& {  // of block column k / 6, whose own block comes first
-    return H.valuePtr()[H.outerIndexPtr()[k] + k % 6];
-  };
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<S>> solver;
-  solver.analyzePattern(H);
-
-  const auto cost_of_all = [&] {
-    S sum = S(0);
-    for (const auto& e : graph.edges) {
-      const Vector6 r =
-          pose_graph_residual<S>(graph.poses[static_cast<std::size_t>(e.i)],
-                                 graph.poses[static_cast<std::size_t>(e.j)], e.T_j_i, nullptr, nullptr);
-      sum += kernel.rho(r.dot(e.information * r));
-    }
-    return sum;
-  };
-  S cost = cost_of_all();
-  result.initial_cost = result.final_cost = cost;
-  if (!std::isfinite(cost)) return result;
-
-  using VectorX = Eigen::Matrix<S, Eigen::Dynamic, 1>;
-  VectorX b(6 * free), step(6 * free), undamped(6 * free);
-  std::vector<SE3<S>> before(graph.poses.begin(), graph.poses.end());
-  const auto linearise = [&] {
-    std::fill(H.valuePtr(), H.valuePtr() + H.nonZeros(), S(0));
-    b.setZero();
-    for (const auto& e : graph.edges) {
-      std::array<Matrix6, 2> J;
-      const Vector6 r =
-          pose_graph_residual<S>(graph.poses[static_cast<std::size_t>(e.i)],
-                                 graph.poses[static_cast<std::size_t>(e.j)], e.T_j_i, &J[0], &J[1]);
-      const Matrix6 information = kernel.weight(r.dot(e.information * r)) * e.information;
-      const std::array<int, 2> c{column[static_cast<std::size_t>(e.i)],
-                                 column[static_cast<std::size_t>(e.j)]};
-      for (std::size_t a = 0; a < 2; ++a) {
-        if (c[a] < 0) continue;
-        const Matrix6 weighted = J[a].transpose() * information;
-        b.template segment<6>(6 * c[a]) -= weighted * r;
-        add_block(c[a], c[a], weighted * J[a]);
-        if (c[1 - a] >= 0 && c[a] > c[1 - a]) add_block(c[a], c[1 - a], weighted * J[1 - a]);
-      }
-    }
-    for (int k = 0; k < 6 * free; ++k) undamped(k) = diagonal(k);
-  };
-
-  S lambda = options.initial_damping;
-  result.status = PoseGraphStatus::max_iterations;
-  bool fresh = true;
-  while (result.iterations < options.max_iterations) {
-    if (fresh) linearise();
-    ++result.iterations;
-    fresh = false;
-    // A pose without an edge has a zero block: it gets a unit one and stays.
-    for (int k = 0; k < 6 * free; ++k)
-      diagonal(k) = undamped(k) > S(0) ? undamped(k) * (S(1) + lambda) : S(1);
-    solver.factorize(H);
-    bool accepted = false;
-    if (solver.info() == Eigen::Success) {
-      step = solver.solve(b);
-      if (step.allFinite()) {
-        std::copy(graph.poses.begin(), graph.poses.end(), before.begin());
-        for (std::size_t k = 0; k < graph.poses.size(); ++k) {
-          if (column[k] >= 0)
-            graph.poses[k] = SE3<S>::exp(step.template segment<6>(6 * column[k])) * graph.poses[k];
-        }
-        const S trial = cost_of_all();
-        accepted = trial <= cost;
-        if (accepted) {
-          const S decrease = cost - trial;
-          cost = trial;
-          fresh = true;
-          lambda = std::max(lambda * S(0.1), S(1e-12));
-          if (decrease <= options.tolerance * cost) {
-            result.status = PoseGraphStatus::converged;
-            break;
-          }
-        } else {
-          std::copy(before.begin(), before.end(), graph.poses.begin());
-        }
-      }
-    }
-    if (!accepted) {
-      lambda = std::max(lambda * S(10), S(1e-8));
-      if (lambda > S(1e8)) {
-        result.status = PoseGraphStatus::stalled;
-        break;
-      }
-    }
-  }
-  result.final_cost = cost;
+  result.initial_cost = result.final_cost = solver.cost();
+  if (!std::isfinite(result.initial_cost)) return result;
+  LevenbergMarquardtOptions<S> damping;
+  damping.max_iterations = options.max_iterations;
+  damping.initial_damping = options.initial_damping;
+  damping.min_damping = options.min_damping;
+  damping.min_refused_damping = options.min_refused_damping;
+  damping.max_damping = options.max_damping;
+  const auto minimum = levenberg_marquardt(solver, result.initial_cost, damping);
+  result.final_cost = minimum.cost;
+  result.iterations = minimum.iterations;
+  using Status = LevenbergMarquardtStatus;
+  result.status = minimum.status == Status::converged ? PoseGraphStatus::converged
+                  : minimum.status == Status::stalled ? PoseGraphStatus::stalled
+                                                      : PoseGraphStatus::max_iterations;
   return result;
+}
+
+/// The same with memory of its own.
+template <std::floating_point S, RobustKernel<S> Kernel = SquaredLoss<S>>
+PoseGraphResult<S> optimize_pose_graph(const PoseGraph<S>& graph, const PoseGraphOptions<S>& options = {},
+                                       const Kernel& kernel = {}) {
+  PoseGraphWorkspace<S> workspace;
+  return optimize_pose_graph(graph, options, kernel, workspace);
 }
 
 }  // namespace dynslam

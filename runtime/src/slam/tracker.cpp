@@ -201,9 +201,7 @@ bool Tracker::try_initial_pose(Present& now, const SE3<double>& predicted, float
   pose_.gather(map_, now.frame);
   PoseConsensusOptions<double> consensus;
   consensus.seed = options_.seed + now.frame.index;
-  SurfaceOptions<double> surface;
-  surface.width = camera_.width;
-  surface.height = camera_.height;
+  const Eigen::Vector2i image_size(camera_.width, camera_.height);
   if (additions_.motion_prior) {
     const double interval = std::max(1e-3, now.input.t - last_.t);
     consensus.prior_share = o.prior_share;
@@ -211,7 +209,7 @@ bool Tracker::try_initial_pose(Present& now, const SE3<double>& predicted, float
     consensus.prior_rotation = o.prior_turn * interval;
   }
   const SE3<double> start = pose_.consensus(predicted, std::span<const SE3<double>>(&last_.T_c_w, 1),
-                                            consensus, additions_.surface_weights ? &surface : nullptr);
+                                            consensus, additions_.surface_weights ? &image_size : nullptr);
   pose_.keep_consistent(start, consensus.truncation, now.frame);
   const PoseResult<double> pose = pose_.optimize(map_, start, now.frame);
   if (pose.inliers < o.weak_inliers) return false;

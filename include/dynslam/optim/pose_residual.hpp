@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <concepts>
+#include <limits>
+#include <type_traits>
+
+#include "dynslam/concepts/camera.hpp"
+#include "dynslam/concepts/scalar.hpp"
+
+namespace dynslam {
+
+/// A camera over the scalar S.
+template <class C, class S>
+concept CameraOf = CameraModel<C> && std::same_as<typename C::ScalarType, S>;
+/// The same with a derivative of its projection.
+template <class C, class S>
+concept DifferentiableCameraOf = DifferentiableCamera<C> && std::same_as<typename C::ScalarType, S>;
+
+/// A known point seen at a pixel, with a measured depth where there is one.
+template <Scalar S>
+struct PoseObservation {
+  Eigen::Matrix<S, 3, 1> p_w;  ///< world [m]
+  Eigen::Matrix<S, 2, 1> x;    ///< pixel of the camera that it is used with
+  S depth = S(0);              ///< along the optical axis [m]; invalid: reprojection only
+  S inv_sigma_px2 = S(1);      ///< 1 / variance of each pixel coordinate [1/px^2]
+  S inv_sigma_z2 = S(0);       ///< 1 / variance of the depth [1/m^2]
+};
+
+/// Whether the depth of an observation is known, and how well: both it and its accuracy must be given.
+template <Scalar S>
+[[nodiscard]] bool measures_depth(const S& depth, const S& inv_sigma_z2) {
+  return S(0) < inv_sigma_z2 && S(0) < depth && depth < S(std::numeric_limits<double>::infinity());
+}
+template <Scalar S>
+[[nodiscard]] bool measures_depth(const PoseObservation<S>& o) {
+  return measures_depth(o.depth, o.inv_sigma_z2);
+}
+
+/// Residual [u - x_u, v - x_v, p_z - depth] of the camera-frame point p.
+/// @return false when the camera does not see the point
+template <Scalar S, CameraOf<S> Camera>
+[[nodiscard]] bool point_residual(const Camera& camera, const Eigen::Matrix<S, 3, 1>& p,
+                                  const PoseObservation<S>& o, Eigen::Matrix<S, 3, 1>& r) {
+  const auto x = camera.project(p);
+  if (!x) return false;
+  r << x->x() - o.x.x(), x->y() - o.x.y(), p.z() - o.depth;
+  return true;
+}
+
+/// The same with the derivative of the pixel by p.
+/// @param dx  out (2 x 3); may be null
+template <Scalar S, DifferentiableCameraOf<S> Camera>
+[[nodiscard]] bool point_residual(const Camera& camera, const Eigen::Matrix<S, 3, 1>& p,
+                                  const PoseObservation<S>& o, Eigen::Matrix<S, 3, 1>& r,
+                                  std::type_identity_t<Eigen::Matrix<S, 2, 3>>* dx) {
+  const auto x = camera.project(p, dx);
+  if (!x) return false;
+  r << x->x() - o.x.x(), x->y() - o.x.y(), p.z() - o.depth;
+  return true;
+}
+
+/// Residual of a point of the world under a pose.
+/// @param T_c_w  SE3, or its isometry() where many points follow
+/// @return false when the camera does not see the point
+template <Scalar S, CameraOf<S> Camera, class Transform>
+[[nodiscard]] bool pose_residual(const Camera& camera, const Transform& T_c_w, const PoseObservation<S>& o,
+                                 Eigen::Matrix<S, 3, 1>& r) {
+  const Eigen::Matrix<S, 3, 1> p = T_c_w * o.p_w;
+  return point_residual(camera, p, o, r);
+}
+
+/// The same with its derivative by the left increment [upsilon; omega] of T_c_w (rows 0-1: Eq 5, row 2:
+/// Eq 6).
+/// @param J  out (3 x 6); may be null
+template <Scalar S, DifferentiableCameraOf<S> Camera, class Transform>
+[[nodiscard]] bool pose_residual(const Camera& camera, const Transform& T_c_w, const PoseObservation<S>& o,
+                                 Eigen::Matrix<S, 3, 1>& r, std::type_identity_t<Eigen::Matrix<S, 3, 6>>* J) {
+  const Eigen::Matrix<S, 3, 1> p = T_c_w * o.p_w;
+  Eigen::Matrix<S, 2, 3> dx;
+  if (!point_residual(camera, p, o, r, J != nullptr ? &dx : nullptr)) return false;
+  if (J != nullptr) {  // d p / d delta = [I, -hat(p)]
+    Eigen::Matrix<S, 3, 6> dp;
+    dp << S(1), S(0), S(0), S(0), p.z(), -p.y(), S(0), S(1), S(0), -p.z(), S(0), p.x(), S(0), S(0), S(1),
+        p.y(), -p.x(), S(0);
+    J->template topRows<2>().noalias() = dx * dp;
+    J->row(2) = dp.row(2);
+  }
+  return true;
+}
+
+/// Squared normalised error of an observation with the given residual.
+template <Scalar S>
+[[nodiscard]] S observation_chi2(const PoseObservation<S>& o, const Eigen::Matrix<S, 3, 1>& r) {
+  const S pixel = o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y());
+  if (!measures_depth(o)) return pixel;
+  return pixel + o.inv_sigma_z2 * r.z() * r.z();
+}
+
+/// Squared normalised error of an observation under a pose; infinity where the camera does not see the point.
+template <Scalar S, CameraOf<S> Camera, class Transform>
+[[nodiscard]] S observation_chi2(const Camera& camera, const Transform& T_c_w, const PoseObservation<S>& o) {
+  Eigen::Matrix<S, 3, 1> r;
+  if (!pose_residual(camera, T_c_w, o, r)) return S(std::numeric_limits<double>::infinity());
+  return observation_chi2(o, r);
+}
+
+}  // namespace dynslam
