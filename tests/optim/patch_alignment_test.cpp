@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "dynslam/image/image.hpp"
 #include "random.hpp"
@@ -60,32 +61,32 @@ TEST_CASE_TEMPLATE("a patch is found to a twentieth of a pixel, brighter or dark
   }
 }
 
-TEST_CASE("flat and straight-edged templates are refused: they have no position") {
-  std::array<float, 100> flat{}, edge{};
-  flat.fill(90.0F);
-  for (std::size_t k = 0; k < 100; ++k) edge[k] = k % 10 < 5 ? 40.0F : 200.0F;
-  AlignmentPatch<float> patch;
-  CHECK_FALSE(patch.set(flat, 8.0F));
-  CHECK_FALSE(patch.set(edge, 8.0F));
+TEST_CASE_TEMPLATE("flat and straight-edged templates are refused: they have no position", S, float, double) {
+  std::array<S, 100> flat{}, edge{};
+  flat.fill(S(90));
+  for (std::size_t k = 0; k < 100; ++k) edge[k] = k % 10 < 5 ? S(40) : S(200);
+  AlignmentPatch<S> patch;
+  CHECK_FALSE(patch.set(flat, S(8)));
+  CHECK_FALSE(patch.set(edge, S(8)));
 }
 
-TEST_CASE("another texture, a distant start and the border are no match") {
+TEST_CASE_TEMPLATE("another texture, a distant start and the border are no match", S, float, double) {
   test::Rng rng("patch refused");
-  AlignmentPatch<float> patch;
-  REQUIRE(patch.set(bordered<float>(30, 32), 8.0F));
+  AlignmentPatch<S> patch;
+  REQUIRE(patch.set(bordered<S>(30, 32), S(8)));
   Image<std::uint8_t> noise(64, 64);
   int accepted = 0;
   for (int trial = 0; trial < 100; ++trial) {
     for (int v = 0; v < 64; ++v) {
       for (int u = 0; u < 64; ++u) noise(u, v) = static_cast<std::uint8_t>(rng.integer(0, 255));
     }
-    accepted += patch.align(noise.view(), Eigen::Vector2f(30, 32)).ok ? 1 : 0;
+    accepted += patch.align(noise.view(), Eigen::Matrix<S, 2, 1>(30, 32)).ok ? 1 : 0;
   }
   CHECK(accepted == 0);
   const auto image = shifted(3, 0, 1, 0, 0, rng);
-  PatchAlignmentOptions<float> near;
-  near.max_shift = 2.0F;
-  CHECK_FALSE(patch.align(image.view(), Eigen::Vector2f(30, 32), near).ok);
-  CHECK_FALSE(patch.align(image.view(), Eigen::Vector2f(2, 32)).ok);
-  CHECK_FALSE(patch.align(image.view(), Eigen::Vector2f(std::nanf(""), 32)).ok);
+  PatchAlignmentOptions<S> near;
+  near.max_shift = S(2);
+  CHECK_FALSE(patch.align(image.view(), Eigen::Matrix<S, 2, 1>(30, 32), near).ok);
+  CHECK_FALSE(patch.align(image.view(), Eigen::Matrix<S, 2, 1>(2, 32)).ok);
+  CHECK_FALSE(patch.align(image.view(), Eigen::Matrix<S, 2, 1>(std::numeric_limits<S>::quiet_NaN(), 32)).ok);
 }

@@ -69,6 +69,36 @@ TEST_CASE("the optimum is Ceres' optimum of the same robust cost") {
     CHECK((ours.T_c_w * theirs.inverse()).log().norm() < 1e-6);
   }
 }
+
+TEST_CASE("residual and chi-square take Ceres' dual numbers") {
+  using Jet = ceres::Jet<double, 6>;
+  test::Rng rng("pose jets");
+  const SE3d T = SE3d::exp((Eigen::Matrix<double, 6, 1>() << 0.2, 0.1, -0.1, 0.1, 0.2, -0.1).finished());
+  Eigen::Matrix<Jet, 6, 1> delta;
+  for (int k = 0; k < 6; ++k) delta(k) = Jet(0.0, k);
+  const SE3<Jet> varied = SE3<Jet>::exp(delta) * T.cast<Jet>();
+  for (int i = 0; i < 20; ++i) {
+    PoseObservation<double> o;
+    const double z = rng.uniform(1, 4);
+    o.p_w = T.inverse() * Eigen::Vector3d(rng.uniform(-1, 1), rng.uniform(-1, 1), z);
+    o.x = Eigen::Vector2d(rng.uniform(0, 640), rng.uniform(0, 480));
+    o.depth = z + 0.1;
+    o.inv_sigma_z2 = 100;
+    const PoseObservation<Jet> lifted{o.p_w.cast<Jet>(), o.x.cast<Jet>(), Jet(o.depth), Jet(o.inv_sigma_px2),
+                                      Jet(o.inv_sigma_z2)};
+    Eigen::Vector3d r;
+    Eigen::Matrix<double, 3, 6> J;
+    REQUIRE(pose_residual<double>(kCamera, T, o, r, &J));
+    Eigen::Matrix<Jet, 3, 1> dual;
+    REQUIRE(pose_residual<Jet>(kCamera.cast<Jet>(), varied, lifted, dual));
+    for (int k = 0; k < 3; ++k) {
+      CHECK(dual(k).a == doctest::Approx(r(k)));
+      CHECK((dual(k).v.transpose() - J.row(k)).norm() < 1e-9 * (1 + J.row(k).norm()));
+    }
+    CHECK(observation_chi2<Jet>(kCamera.cast<Jet>(), varied, lifted).a ==
+          doctest::Approx(observation_chi2<double>(kCamera, T, o)));
+  }
+}
 #else
 DYNSLAM_SKIP_WITHOUT_CERES("the optimum is Ceres' optimum of the same robust cost")
 #endif
