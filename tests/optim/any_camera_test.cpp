@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "dynslam/geometry/brown_conrady.hpp"
+#include "dynslam/geometry/kannala_brandt.hpp"
 #include "dynslam/optim/absolute_pose.hpp"
 #include "dynslam/optim/bundle_adjustment.hpp"
 #include "dynslam/optim/pose.hpp"
@@ -29,6 +30,9 @@ Camera make() {
   } else if constexpr (std::same_as<Camera, PinholeBrownConrady<S>>) {
     return PinholeBrownConrady<S>(kPinhole.cast<S>(),
                                   BrownConrady<S>(S(-0.2), S(0.05), S(0.001), S(-0.002), S(0)));
+  } else if constexpr (std::same_as<Camera, KannalaBrandt<S>>) {
+    return KannalaBrandt<S>(S(330), S(332), S(320), S(240),
+                            Eigen::Matrix<S, 4, 1>(S(-0.02), S(0.005), S(-0.002), S(0.0003)));
   } else {
     return Camera(S(260), S(320), S(240));
   }
@@ -78,7 +82,7 @@ double error(const SE3<S>& T) {
 
 #define CAMERAS                                                                             \
   Pinhole<float>, Pinhole<double>, PinholeBrownConrady<float>, PinholeBrownConrady<double>, \
-      test::Panorama<float>, test::Panorama<double>
+      KannalaBrandt<float>, KannalaBrandt<double>, test::Panorama<float>, test::Panorama<double>
 
 TEST_CASE_TEMPLATE("the pose is found with any camera", Camera, CAMERAS) {
   using S = typename Camera::ScalarType;

@@ -9,6 +9,7 @@
 #include <unsupported/Eigen/AutoDiff>
 
 #include "dynslam/geometry/brown_conrady.hpp"
+#include "dynslam/geometry/kannala_brandt.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/optim/normal_equations.hpp"
@@ -25,6 +26,7 @@ using Dual = Eigen::AutoDiffScalar<Eigen::Matrix<double, 6, 1>>;
 
 const Pinhole<double> kPinhole(535.4, 539.2, 320.1, 247.6);
 const PinholeBrownConrady<double> kLens(kPinhole, BrownConrady<double>(-0.2, 0.05, 0.001, -0.002, 0.01));
+const KannalaBrandt<double> kFisheye(330, 332, 320, 240, Eigen::Vector4d(-0.02, 0.005, -0.002, 0.0003));
 const test::Panorama<double> kPanorama(260, 320, 240);
 
 SE3d some_pose() {
@@ -99,6 +101,9 @@ TEST_CASE(
   }
   SUBCASE("Brown-Conrady") {
     check_against_autodiff(kLens);
+  }
+  SUBCASE("Kannala-Brandt") {
+    check_against_autodiff(kFisheye);
   }
   SUBCASE("panorama") {
     check_against_autodiff(kPanorama);
