@@ -60,8 +60,7 @@ TEST_CASE_TEMPLATE("Eq (7): the joint weight, with errors that are missing", S, 
   KeypointResiduals<S> e{S(10), S(2), S(0.06), true, true};
   CHECK(squared_normalised(e, scales) == doctest::Approx(4.0 + 4.0 + 9.0));
   CHECK(static_weight(e, scales, S(5)) == doctest::Approx(8.0 / 22.0));
-  CHECK(static_weight(e, scales, TDistribution<S>(S(11), S(12))) ==
-        doctest::Approx(12.0 / 28.0));  // as printed
+  CHECK(static_weight(e, scales, TDistribution<S>::paper()) == doctest::Approx(12.0 / 28.0));  // as printed
   e.has_depth = false;
   CHECK(static_weight(e, scales, S(5)) == doctest::Approx(7.0 / 13.0));
   e.has_photometric = false;
@@ -90,4 +89,21 @@ TEST_CASE("classify counts, and distrusts what it cannot judge") {
   std::vector<std::uint8_t> dynamic(4);
   CHECK(classify<double>(weights, 0.25, dynamic) == 2);
   CHECK(dynamic == std::vector<std::uint8_t>{0, 1, 0, 1});
+}
+
+TEST_CASE_TEMPLATE("perfect matches are static: scales of exact residuals still weigh them", S, float,
+                   double) {
+  // Fault: a scale of 0 made 0 / 0 of a perfect point, whose weight NaN counts as dynamic.
+  ScaleWorkspace<S> workspace;
+  const std::vector<S> exact(20, S(0));
+  const auto sigma = estimate_scale<S>(std::span<const S>(exact), {}, ScaleOptions<S>(), workspace);
+  REQUIRE(sigma);
+  const StaticWeightScales<S> scales{*sigma, *sigma, *sigma};
+  const KeypointResiduals<S> perfect{S(0), S(0), S(0), true, true};
+  const S w = static_weight(perfect, scales, S(5));
+  CHECK(w == doctest::Approx(8.0 / 5.0));
+  CHECK_FALSE(is_dynamic(w, S(0.25)));
+  KeypointResiduals<S> moved = perfect;
+  moved.reprojection = S(5);
+  CHECK(is_dynamic(static_weight(moved, scales, S(5)), S(0.25)));
 }

@@ -37,8 +37,8 @@ void check_weight_is_slope(const Kernel& kernel) {
 
 TEST_CASE("every kernel's weight is the derivative of its rho") {
   check_weight_is_slope(TDistribution<double>(5.0));
-  check_weight_is_slope(TDistribution<double>(11.0, 12.0));
-  check_weight_is_slope(TDistribution<double>(5.0, 3));
+  check_weight_is_slope(TDistribution<double>::paper());
+  check_weight_is_slope(TDistribution<double>::with_dimension(5.0, 3));
   check_weight_is_slope(SquaredLoss<double>{});
   check_weight_is_slope(Huber<double>{});
   check_weight_is_slope(Cauchy<double>{});
@@ -47,19 +47,19 @@ TEST_CASE("every kernel's weight is the derivative of its rho") {
 
 TEST_CASE("the same derivative with dual numbers, exactly") {
   using Dual = Eigen::AutoDiffScalar<Eigen::Matrix<double, 1, 1>>;
-  const TDistribution<Dual> kernel(Dual(5.0), Dual(8.0));
-  const TDistribution<double> plain(5.0, 8.0);
+  const auto kernel = TDistribution<Dual>::with_numerator(Dual(5.0), Dual(8.0));
+  const auto plain = TDistribution<double>::with_numerator(5.0, 8.0);
   for (const double s : {0.0, 0.3, 4.0, 100.0}) {
     CHECK(kernel.rho(Dual(s, 1, 0)).derivatives()(0) == doctest::Approx(plain.weight(s)).epsilon(1e-12));
   }
 }
 
 TEST_CASE_TEMPLATE("Eq (4): the paper's figures", S, float, double) {
-  const TDistribution<S> paper(S(11), S(12));  // nu = 11, numerator nu + 1
+  const auto paper = TDistribution<S>::paper();
   CHECK(paper.weight(S(0)) == doctest::Approx(12.0 / 11.0));
   CHECK(paper.weight(S(1)) == doctest::Approx(1.0));
   CHECK(paper.weight(S(9)) == doctest::Approx(0.6));
-  CHECK(TDistribution<S>(S(5), 3).weight(S(3)) == doctest::Approx(1.0));  // numerator nu + d
+  CHECK(TDistribution<S>::with_dimension(S(5), 3).weight(S(3)) == doctest::Approx(1.0));  // numerator nu + d
 }
 
 TEST_CASE_TEMPLATE("the scale of t-distributed residuals is recovered", S, float, double) {
@@ -99,7 +99,8 @@ TEST_CASE("too few or degenerate residuals are told") {
   const std::vector<double> two{1, 2}, zeros{0, 0, 0, 0, 1}, bad{std::nan(""), 1, 2};
   CHECK_FALSE(estimate_scale<double>(std::span<const double>(two), 5.0));
   CHECK_FALSE(estimate_scale<double>(std::span<const double>(bad), 5.0));
-  CHECK(*estimate_scale<double>(std::span<const double>(zeros), 5.0) == 0.0);
+  // Fault: 0 was returned, and 0 / 0 is a weight of NaN.
+  CHECK(*estimate_scale<double>(std::span<const double>(zeros), 5.0) == ScaleOptions<double>().floor);
 }
 
 TEST_CASE("the joint covariance is recovered from a wrong start") {
@@ -115,4 +116,26 @@ TEST_CASE("the joint covariance is recovered from a wrong start") {
   const auto estimate = estimate_covariance<double, 3>(r, Eigen::Matrix3d::Identity(), 5.0);
   REQUIRE(estimate);
   for (int i = 0; i < 3; ++i) CHECK(std::sqrt((*estimate)(i, i)) == doctest::Approx(sigma(i)).epsilon(0.04));
+}
+
+TEST_CASE("the printed form has nu 11 and numerator 12, in whatever numbers it is asked for") {
+  // Fault: TDistribution(11, 12) took 12 for a dimension and had the numerator 23.
+  CHECK(TDistribution<double>::paper().numerator == 12.0);
+  CHECK(TDistribution<double>::with_numerator(11, 12).numerator == 12.0);
+  CHECK(TDistribution<double>::with_dimension(11, 12).numerator == 23.0);
+  static_assert(!std::is_constructible_v<TDistribution<double>, int, int>);
+  static_assert(!std::is_constructible_v<TDistribution<float>, float, float>);
+}
+
+TEST_CASE_TEMPLATE("a scale never falls below its floor, however many residuals are zero", S, float, double) {
+  ScaleWorkspace<S> workspace;
+  ScaleOptions<S> options;
+  options.floor = S(0.5);
+  const auto scale = [&](const std::vector<S>& r) {
+    return *estimate_scale<S>(std::span<const S>(r), {}, options, workspace);
+  };
+  CHECK(scale({S(0), S(0), S(0), S(1)}) == S(0.5));
+  CHECK(scale({S(0), S(0), S(0.1), S(0.1)}) == S(0.5));
+  CHECK(scale({S(0), S(0), S(1), S(2)}) == doctest::Approx(0.934).epsilon(1e-2));  // half of them: a scale
+  CHECK(scale({S(3), S(-4), S(5), S(-6)}) > S(3));
 }

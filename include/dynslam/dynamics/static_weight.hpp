@@ -31,10 +31,10 @@ template <std::floating_point S>
 /// known, so that one threshold serves all.
 template <std::floating_point S>
 [[nodiscard]] S static_weight(const KeypointResiduals<S>& e, const StaticWeightScales<S>& scales, S nu) {
-  return TDistribution<S>(nu, e.dimension()).weight(squared_normalised(e, scales));
+  return TDistribution<S>::with_dimension(nu, e.dimension()).weight(squared_normalised(e, scales));
 }
 
-/// Eq (7) with a given distribution, for the paper's own numerator: TDistribution<S>(11, S(12)).
+/// Eq (7) with a given distribution, for the paper's own form: TDistribution<S>::paper().
 template <std::floating_point S>
 [[nodiscard]] S static_weight(const KeypointResiduals<S>& e, const StaticWeightScales<S>& scales,
                               const TDistribution<S>& distribution) {

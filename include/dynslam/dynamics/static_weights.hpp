@@ -246,8 +246,8 @@ const StaticWeightsResult<S>& static_weights(const C& camera,
     const S z = (T_cur_ref * matches[k].p_ref).z();
     const StaticWeightScales<S> scales{result.scales.photometric, result.scales.reprojection,
                                        result.scales.depth * options.depth_noise.sigma(z)};
-    const TDistribution<S> distribution(options.nu,
-                                        options.numerator.value_or(options.nu + S(r.dimension())));
+    const auto distribution = TDistribution<S>::with_numerator(
+        options.nu, options.numerator.value_or(options.nu + S(r.dimension())));
     result.weight[k] = static_weight<S>(r, scales, distribution);
     result.dynamic[k] = is_dynamic(result.weight[k], options.tau) ? 1 : 0;
     result.dynamic_matches += result.dynamic[k];

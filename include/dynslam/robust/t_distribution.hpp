@@ -28,11 +28,20 @@ struct TDistribution {
   S numerator = S(6);
 
   constexpr TDistribution() = default;
-  /// The likelihood's numerator for residuals of `dimension` components.
-  constexpr explicit TDistribution(S degrees, int dimension = 1)
-      : nu(degrees), numerator(degrees + S(dimension)) {}
-  /// Any numerator, such as the paper's nu + 1 in Eq (7).
-  constexpr TDistribution(S degrees, S explicit_numerator) : nu(degrees), numerator(explicit_numerator) {}
+  /// For scalar residuals: numerator nu + 1.
+  constexpr explicit TDistribution(S degrees) : nu(degrees), numerator(degrees + S(1)) {}
+
+  /// The likelihood's numerator, nu + d, for residuals of `dimension` components.
+  [[nodiscard]] static constexpr TDistribution with_dimension(S degrees, int dimension) {
+    return with_numerator(degrees, degrees + S(dimension));
+  }
+  [[nodiscard]] static constexpr TDistribution with_numerator(S degrees, S explicit_numerator) {
+    TDistribution t(degrees);
+    t.numerator = explicit_numerator;
+    return t;
+  }
+  /// As printed in the paper: nu = 11 and numerator nu + 1 = 12, whatever the dimension.
+  [[nodiscard]] static constexpr TDistribution paper() { return with_numerator(S(11), S(12)); }
 
   [[nodiscard]] S weight(const S& s) const { return numerator / (nu + s); }
   [[nodiscard]] S rho(const S& s) const {
@@ -50,6 +59,10 @@ struct ScaleOptions {
   int max_iterations = 50;
   S tolerance = S(1e-4);  ///< relative change of sigma that ends the iteration
   S gross = S(6);         ///< residuals beyond so many robust standard deviations are left out; 0: none
+  /// Smallest sigma, in the residuals' unit: what the measurement can tell apart (of synthetic or saturated
+  /// data most residuals are exactly 0, and nothing can be weighed by a scale of 0). The default only keeps
+  /// sigma^2 a number; give a grey value, a fraction of a pixel, the sensor's depth step.
+  S floor = S(1e-6);
 };
 
 /// Memory of estimate_scale; keep it between calls to avoid allocation.
@@ -65,8 +78,8 @@ struct ScaleWorkspace {
 /// `gross` times the robust start are therefore left out, which keeps it near the truth up to 40 %.
 /// @param residuals  any order; non-finite ones are ignored
 /// @param excluded   empty, or one flag per residual: nonzero ones are left out (points on a mask)
-/// @return sigma in the residuals' unit; nullopt with fewer than 3 usable residuals; 0 when at least
-///         half of them are exactly zero
+/// @return sigma in the residuals' unit, at least `floor`, which is also the answer where more than half of
+///         them are exactly zero; nullopt with fewer than 3 usable residuals
 template <std::floating_point S>
 [[nodiscard]] std::optional<S> estimate_scale(std::span<const S> residuals,
                                               std::span<const std::uint8_t> excluded,
@@ -82,7 +95,7 @@ template <std::floating_point S>
   std::nth_element(r.begin(), middle, r.end());
   constexpr S kNormalConsistency = S(1.4826);  // of the median absolute deviation
   S sigma = kNormalConsistency * *middle;
-  if (!(sigma > S(0))) return S(0);
+  if (!(sigma > S(0))) return options.floor;
   if (options.gross > S(0)) {
     const S limit = options.gross * sigma;
     r.erase(std::remove_if(r.begin(), r.end(), [limit](S a) { return a > limit; }), r.end());
@@ -94,11 +107,12 @@ template <std::floating_point S>
     const S next = std::sqrt(sum / static_cast<S>(r.size()));
     const bool done = std::abs(next - sigma) <= options.tolerance * sigma;
     sigma = next;
-    if (done) break;
+    if (done || !(sigma > S(0))) break;
   }
-  return sigma;
+  return std::max(sigma, options.floor);
 }
 
+/// The same for all residuals, with the defaults and its own memory.
 template <std::floating_point S>
 [[nodiscard]] std::optional<S> estimate_scale(std::span<const S> residuals, S nu) {
   ScaleWorkspace<S> workspace;
