@@ -18,10 +18,11 @@
 
 namespace dynslam {
 
-/// A camera pose at a time [s].
+/// A camera pose at a time [s]. Time is double whatever the scalar of the pose: seconds since 1970 in float
+/// are multiples of 128.
 template <std::floating_point S>
 struct StampedPose {
-  S t;
+  double t;
   SE3<S> T_w_c;
 };
 
@@ -29,12 +30,11 @@ struct StampedPose {
 /// seconds, nearest first, each stamp used once. Sorted by the index in `a`.
 /// @param a, b  increasing time stamps [s]
 /// @param offset  added to b's stamps [s]
-template <std::floating_point S>
-[[nodiscard]] std::vector<std::pair<std::size_t, std::size_t>> associate(std::span<const S> a,
-                                                                         std::span<const S> b,
-                                                                         S max_difference = S(0.02),
-                                                                         S offset = S(0)) {
-  std::vector<std::tuple<S, std::size_t, std::size_t>> candidates;
+[[nodiscard]] inline std::vector<std::pair<std::size_t, std::size_t>> associate(std::span<const double> a,
+                                                                                std::span<const double> b,
+                                                                                double max_difference = 0.02,
+                                                                                double offset = 0.0) {
+  std::vector<std::tuple<double, std::size_t, std::size_t>> candidates;
   std::size_t first = 0;
   for (std::size_t i = 0; i < a.size(); ++i) {
     while (first < b.size() && !(a[i] - (b[first] + offset) < max_difference)) ++first;
@@ -91,14 +91,14 @@ struct AteResult {
   std::size_t pairs = 0;
   Statistics<S> translation;  ///< metres
   SE3<S> T_gt_est;            ///< aligns the estimate with the ground truth
-  std::vector<S> times;       ///< stamps of the ground truth's poses [s]
+  std::vector<double> times;  ///< stamps of the ground truth's poses [s]
   std::vector<S> errors;      ///< metres, one per pair
 };
 
 namespace detail {
 template <std::floating_point S>
-[[nodiscard]] std::vector<S> stamps(std::span<const StampedPose<S>> trajectory) {
-  std::vector<S> t;
+[[nodiscard]] std::vector<double> stamps(std::span<const StampedPose<S>> trajectory) {
+  std::vector<double> t;
   t.reserve(trajectory.size());
   for (const auto& pose : trajectory) t.push_back(pose.t);
   return t;
@@ -106,10 +106,9 @@ template <std::floating_point S>
 
 /// Index of the stamp nearest to `t` by TUM's bisection. Of two equally near stamps the one visited
 /// first is taken: such ties are common on regular stamps, and decide the last digits of the RPE.
-template <std::floating_point S>
-[[nodiscard]] std::size_t closest_index(std::span<const S> times, S t) {
+[[nodiscard]] inline std::size_t closest_index(std::span<const double> times, double t) {
   std::size_t begin = 0, end = times.size(), best = 0;
-  S difference = std::abs(times[0] - t);
+  double difference = std::abs(times[0] - t);
   while (begin < end) {
     const std::size_t middle = (begin + end) / 2;
     if (std::abs(times[middle] - t) < difference) {
@@ -132,9 +131,9 @@ template <std::floating_point S>
 template <std::floating_point S>
 [[nodiscard]] std::optional<AteResult<S>> absolute_trajectory_error(
     std::span<const StampedPose<S>> estimate, std::span<const StampedPose<S>> groundtruth,
-    S max_difference = S(0.02)) {
+    double max_difference = 0.02) {
   const auto t_gt = detail::stamps(groundtruth), t_est = detail::stamps(estimate);
-  const auto pairs = associate<S>(t_gt, t_est, max_difference);
+  const auto pairs = associate(t_gt, t_est, max_difference);
   std::vector<Eigen::Matrix<S, 3, 1>> a, b;
   for (const auto& [i, j] : pairs) {
     b.push_back(groundtruth[i].T_w_c.translation());
@@ -166,19 +165,18 @@ struct RpeResult {
 template <std::floating_point S>
 [[nodiscard]] std::optional<RpeResult<S>> relative_pose_error(std::span<const StampedPose<S>> estimate,
                                                               std::span<const StampedPose<S>> groundtruth,
-                                                              S delta = S(1)) {
+                                                              double delta = 1.0) {
   if (estimate.size() < 2 || groundtruth.size() < 2) return std::nullopt;
   const auto t_gt = detail::stamps(groundtruth), t_est = detail::stamps(estimate);
-  const auto closest = [](const std::vector<S>& times, S t) { return detail::closest_index<S>(times, t); };
-  std::vector<S> periods;
+  std::vector<double> periods;
   for (std::size_t i = 1; i < t_gt.size(); ++i) periods.push_back(t_gt[i] - t_gt[i - 1]);
-  const S max_gap = S(2) * statistics<S>(periods).median;
+  const double max_gap = 2.0 * statistics<double>(periods).median;
 
   std::vector<S> translation, rotation;
   for (std::size_t i = 0; i < t_est.size(); ++i) {
-    const std::size_t j = closest(t_est, t_est[i] + delta);
+    const std::size_t j = detail::closest_index(t_est, t_est[i] + delta);
     if (j == t_est.size() - 1) continue;
-    const std::size_t gi = closest(t_gt, t_est[i]), gj = closest(t_gt, t_est[j]);
+    const std::size_t gi = detail::closest_index(t_gt, t_est[i]), gj = detail::closest_index(t_gt, t_est[j]);
     if (std::abs(t_gt[gi] - t_est[i]) > max_gap || std::abs(t_gt[gj] - t_est[j]) > max_gap) continue;
     const SE3<S> motion_est = estimate[j].T_w_c.inverse() * estimate[i].T_w_c;
     const SE3<S> motion_gt = groundtruth[gj].T_w_c.inverse() * groundtruth[gi].T_w_c;
@@ -200,9 +198,9 @@ template <std::floating_point S>
 template <std::floating_point S>
 [[nodiscard]] std::optional<S> end_error(std::span<const StampedPose<S>> estimate,
                                          std::span<const StampedPose<S>> groundtruth,
-                                         S max_difference = S(0.02)) {
+                                         double max_difference = 0.02) {
   const auto t_gt = detail::stamps(groundtruth), t_est = detail::stamps(estimate);
-  const auto pairs = associate<S>(t_gt, t_est, max_difference);
+  const auto pairs = associate(t_gt, t_est, max_difference);
   if (pairs.size() < 2) return std::nullopt;
   const auto motion = [](const SE3<S>& first, const SE3<S>& last) { return first.inverse() * last; };
   const SE3<S> truth = motion(groundtruth[pairs.front().first].T_w_c, groundtruth[pairs.back().first].T_w_c);

@@ -210,7 +210,7 @@ cv::Mat plot_trajectory(std::span<const StampedPose<double>> estimate,
   options.title += fmt::format(": ATE RMSE {:.4f} m", ate->translation.rmse);
 
   const auto t_gt = detail::stamps(groundtruth), t_est = detail::stamps(estimate);
-  for (const auto& [i, j] : associate<double>(t_gt, t_est)) {
+  for (const auto& [i, j] : associate(t_gt, t_est)) {
     difference.pairs.emplace_back(flat(groundtruth[i].T_w_c.translation()),
                                   flat(ate->T_gt_est * estimate[j].T_w_c.translation()));
   }

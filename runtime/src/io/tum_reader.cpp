@@ -113,7 +113,7 @@ Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
     std::vector<double> t_rgb, t_depth;
     for (const auto& e : rgb) t_rgb.push_back(e.t);
     for (const auto& e : depth) t_depth.push_back(e.t);
-    for (const auto& [i, j] : associate<double>(t_rgb, t_depth, options.max_association_difference)) {
+    for (const auto& [i, j] : associate(t_rgb, t_depth, options.max_association_difference)) {
       sequence.frames.push_back({rgb[i].t, depth[j].t, rgb[i].stamp, rgb[i].path, depth[j].path});
     }
     if (sequence.frames.empty()) {
