@@ -52,12 +52,12 @@ void set_and_align(benchmark::State& state) {
     dynslam::AlignmentPatch<float> patch;
     const bool textured = patch.set(bordered[static_cast<std::size_t>(k)], 8.0F);
     auto found = patch.align(image.view(), Eigen::Vector2f(place(k).cast<float>() + kOff));
-    found.ok = found.ok && textured;
+    if (!textured) found.status = dynslam::PatchAlignmentStatus::unlike;
     return found;
   };
   for (int k = 0; k < kPoints; ++k) {
     const auto found = find(k);
-    if (!found.ok || (found.x - place(k).cast<float>()).norm() > 0.05F) {
+    if (!found.ok() || (found.x - place(k).cast<float>()).norm() > 0.05F) {
       state.SkipWithError("a template was not found");
       return;
     }

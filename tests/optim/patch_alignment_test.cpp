@@ -54,7 +54,7 @@ TEST_CASE_TEMPLATE("a patch is found to a twentieth of a pixel, brighter or dark
     AlignmentPatch<S> patch;
     REQUIRE(patch.set(bordered<S>(30, 32), S(8)));
     const auto found = patch.align(image.view(), Eigen::Matrix<S, 2, 1>(S(30), S(32)));
-    REQUIRE(found.ok);
+    REQUIRE(found.ok());
     CHECK(static_cast<double>(found.x.x()) == doctest::Approx(30 + du).epsilon(0.003));
     CHECK(static_cast<double>(found.x.y()) == doctest::Approx(32 + dv).epsilon(0.003));
     CHECK(found.correlation > S(0.97));
@@ -80,13 +80,15 @@ TEST_CASE_TEMPLATE("another texture, a distant start and the border are no match
     for (int v = 0; v < 64; ++v) {
       for (int u = 0; u < 64; ++u) noise(u, v) = static_cast<std::uint8_t>(rng.integer(0, 255));
     }
-    accepted += patch.align(noise.view(), Eigen::Matrix<S, 2, 1>(30, 32)).ok ? 1 : 0;
+    accepted += patch.align(noise.view(), Eigen::Matrix<S, 2, 1>(30, 32)).ok() ? 1 : 0;
   }
   CHECK(accepted == 0);
   const auto image = shifted(3, 0, 1, 0, 0, rng);
   PatchAlignmentOptions<S> near;
   near.max_shift = S(2);
-  CHECK_FALSE(patch.align(image.view(), Eigen::Matrix<S, 2, 1>(30, 32), near).ok);
-  CHECK_FALSE(patch.align(image.view(), Eigen::Matrix<S, 2, 1>(2, 32)).ok);
-  CHECK_FALSE(patch.align(image.view(), Eigen::Matrix<S, 2, 1>(std::numeric_limits<S>::quiet_NaN(), 32)).ok);
+  CHECK(patch.align(image.view(), Eigen::Matrix<S, 2, 1>(30, 32), near).status ==
+        PatchAlignmentStatus::too_far);
+  CHECK(patch.align(image.view(), Eigen::Matrix<S, 2, 1>(2, 32)).status == PatchAlignmentStatus::outside);
+  CHECK_FALSE(
+      patch.align(image.view(), Eigen::Matrix<S, 2, 1>(std::numeric_limits<S>::quiet_NaN(), 32)).ok());
 }

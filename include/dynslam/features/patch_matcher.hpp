@@ -173,7 +173,7 @@ template <std::floating_point S, ImagePyramidLike P>
   const auto found = reference.align(
       pyramid.image(level), Eigen::Vector2f(to_level<S>(pyramid, start, level).template cast<float>()),
       options.alignment);
-  if (!found.ok) return std::nullopt;
+  if (!found.ok()) return std::nullopt;
   PatchMatch<S> match;
   match.x = to_base<S>(pyramid, found.x.template cast<S>().eval(), level);
   match.level = level;

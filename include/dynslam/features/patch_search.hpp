@@ -52,7 +52,7 @@ template <std::floating_point S, ImagePyramidLike P, ImagePyramidLike Q>
     const auto aligned = patch.align(
         present.image(level), Eigen::Vector2f(to_level<S>(present, found, level).template cast<float>()),
         options.alignment);
-    if (!aligned.ok) continue;
+    if (!aligned.ok()) continue;
     found = to_base<S>(present, aligned.x.template cast<S>().eval(), level);
     any = true;
   }

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 
 #include "dynslam/concepts/image.hpp"
@@ -23,12 +24,21 @@ struct PatchAlignmentOptions {
   S min_correlation = S(0.8);  ///< zero-mean normalised cross-correlation at the result
 };
 
+enum class PatchAlignmentStatus : std::uint8_t {
+  found,
+  max_iterations,  ///< still moving
+  outside,         ///< the patch left the image, or started outside
+  too_far,         ///< moved farther than max_shift
+  unlike           ///< converged, but correlates too little
+};
+
 template <std::floating_point S>
 struct PatchAlignmentResult {
   Eigen::Matrix<S, 2, 1> x;  ///< position of the patch's origin in the image [px]
   S correlation = S(0);      ///< zero-mean normalised cross-correlation, -1..1; 0 without convergence
   int iterations = 0;
-  bool ok = false;  ///< converged inside the image, near the start, and looks alike
+  PatchAlignmentStatus status = PatchAlignmentStatus::max_iterations;
+  [[nodiscard]] bool ok() const { return status == PatchAlignmentStatus::found; }
 };
 
 /// An N x N template that is found in images with sub-pixel accuracy by inverse-compositional
@@ -93,8 +103,10 @@ class AlignmentPatch {
     const S reach = S(N / 2);
     for (result.iterations = 0; result.iterations < options.max_iterations;) {
       const S u = result.x.x() - reach, v = result.x.y() - reach;
-      if (!(u >= S(0) && v >= S(0) && u < S(image.width() - N - 1) && v < S(image.height() - N - 1)))
+      if (!(u >= S(0) && v >= S(0) && u < S(image.width() - N - 1) && v < S(image.height() - N - 1))) {
+        result.status = PatchAlignmentStatus::outside;
         return result;
+      }
       const int u0 = static_cast<int>(u), v0 = static_cast<int>(v);
       const S a = u - S(u0), b = v - S(v0);
       // A row is interpolated between columns once and serves the row above and the one below. One sum per
@@ -115,10 +127,14 @@ class AlignmentPatch {
       ++result.iterations;
       result.x -= step.template head<2>();
       bias += step.z();
-      if (!((result.x - start).squaredNorm() < options.max_shift * options.max_shift)) return result;
+      if (!((result.x - start).squaredNorm() < options.max_shift * options.max_shift)) {
+        result.status = PatchAlignmentStatus::too_far;
+        return result;
+      }
       if (step.template head<2>().squaredNorm() < options.tolerance * options.tolerance) {
         result.correlation = correlation(sample);
-        result.ok = result.correlation >= options.min_correlation;
+        result.status = result.correlation >= options.min_correlation ? PatchAlignmentStatus::found
+                                                                      : PatchAlignmentStatus::unlike;
         return result;
       }
     }
