@@ -106,11 +106,11 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
   app.add_option("--nu", o.tracker.pose.nu, "Degrees of freedom of the pose optimisation's t-distribution")
       ->capture_default_str()
       ->check(positive());
-  app.add_option("--geometry-nu", o.tracker.geometry.nu,
+  app.add_option("--geometry-nu", o.tracker.geometry.weights.nu,
                  "Degrees of freedom of the static weight's t-distribution")
       ->capture_default_str()
       ->check(positive());
-  app.add_option("--tau", o.tracker.geometry.tau, "Static weight below which a keypoint is dynamic")
+  app.add_option("--tau", o.tracker.geometry.weights.tau, "Static weight below which a keypoint is dynamic")
       ->capture_default_str()
       ->check(positive());
 }

@@ -14,6 +14,7 @@
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/dynamics/depth_grid.hpp"
 #include "dynslam/dynamics/free_space_history.hpp"
+#include "dynslam/dynamics/method.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
 #include "dynslam/features/corners.hpp"
@@ -25,12 +26,6 @@
 #include "dynslam/segment/mask_upsampling.hpp"
 
 namespace dynslam {
-
-/// What the mask of moving things rests on.
-enum class Method : std::uint8_t {
-  paper,  ///< the paper's steps 5 to 10 alone: regions grown from dynamic keypoints
-  full    ///< also the space that earlier frames saw to be free, and surfaces verified to be at rest
-};
 
 /// Which dynamic keypoints start the growing. One may err; three close together that all move do not, and
 /// outweigh the depth check, which is blind to motion inside a surface.

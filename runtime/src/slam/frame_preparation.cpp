@@ -12,7 +12,6 @@ void FramePreparation::operator()(RgbdFrame& frame) {
   auto features = std::make_shared<ImageFeatures>();
   extractor_.extract(frame.gray, *features);
   frame.features = std::move(features);
-  if (flow_) frame.flow_pyramid = flow_pyramid(frame.gray, geometry_);
   frame.preparation_ms = watch.lap_ms();
 }
 

@@ -70,7 +70,7 @@ SequenceOptions sequence_options(const RunOptions& options) {
 TrackerOptions tracker_options(const RunOptions& options) {
   TrackerOptions result = options.tracker;
   result.dynamics = options.dynamics;
-  result.seed = result.geometry.seed = options.seed;
+  result.seed = result.geometry.weights.seed = options.seed;
   return result;
 }
 

@@ -29,8 +29,8 @@ nlohmann::json configuration(const RunOptions& options, const CameraConfig& came
           {"seed", options.seed},
           {"features", t.features.features},
           {"nu", t.pose.nu},
-          {"geometry_nu", t.geometry.nu},
-          {"tau", t.geometry.tau}};
+          {"geometry_nu", t.geometry.weights.nu},
+          {"tau", t.geometry.weights.tau}};
 }
 
 }  // namespace

@@ -40,9 +40,10 @@ PointMakerOptions<double> point_options(const TrackerOptions& options) {
   return result;
 }
 
-GeometryOptions geometry_options(const TrackerOptions& options) {
-  GeometryOptions result = options.geometry;
-  result.free_space = result.free_space && options.method == Method::full;
+MotionSegmenterOptions<double> geometry_options(const TrackerOptions& options) {
+  MotionSegmenterOptions<double> result = options.geometry;
+  result.method = options.method;
+  result.own_reference.use = false;  // keyframes serve
   return result;
 }
 
@@ -70,7 +71,7 @@ Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
       matcher_(camera.model, camera.width, camera.height, extractor_.scales(), options.matching),
       pose_(camera.model.pinhole(), pose_options(options)),
       points_(camera.model.pinhole(), camera.width, camera.height, point_options(options)),
-      geometry_(camera, geometry_options(options)),
+      geometry_(camera.model, geometry_options(options)),
       bundle_(camera.model.pinhole(), options.local_bundle),
       verifier_(camera.model.pinhole(), camera.model, options.depth_noise, options.relocalisation),
       loops_(camera.model.pinhole(), camera.model, options.depth_noise, options.loops) {}
@@ -109,7 +110,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   accept(now);
   now.done(Stage::pose);
   if (uses_geometry(options_.dynamics))
-    geometry_.remember(input.depth, now.T_c_w, now.result.dynamic_mask, true);
+    geometry_.remember(now.T_c_w, interop::view<const std::uint8_t>(std::as_const(now.result.dynamic_mask)));
   if (wants_keyframe(now)) insert_keyframe(now);
   now.result.T_w_c = now.frame.T_c_w.inverse();
   now.result.reference = map_.newest();
@@ -172,12 +173,15 @@ void Tracker::start_map(Present& now) {
   for (std::size_t i = 0; i < now.frame.features.size(); ++i)
     usable += now.frame.dynamic[i] == 0 && now.frame.features[i].depth > 0 ? 1 : 0;
   if (usable < options_.initial_features) return;
+  if (uses_geometry(options_.dynamics))  // for its images: nothing is there yet to compare them with
+    geometry_.segment(interop::view<const std::uint8_t>(now.input.gray), now.depth, SE3<double>());
   insert_keyframe(now);
   initialised_ = true;
   now.result.state = TrackingState::tracked;
   now.result.inliers = last_keyframe_tracked_;
   if (uses_geometry(options_.dynamics))
-    geometry_.remember(now.input.depth, now.frame.T_c_w, now.result.dynamic_mask, false);
+    geometry_.remember(now.frame.T_c_w,
+                       interop::view<const std::uint8_t>(std::as_const(now.result.dynamic_mask)));
   last_ = std::move(now.frame);
 }
 
@@ -267,14 +271,16 @@ bool Tracker::relocalise(Present& now) {
 void Tracker::find_movers(Present& now, const std::optional<Masks>& prior) {
   TrackResult& result = now.result;
   if (geometry_.has_reference()) geometry_.place_reference(map_.pose(reference_id_));
-  const cv::Mat moving =
-      geometry_.segment(now.input, now.image->pyramid, now.T_c_w, now.semantic, result.geometry);
+  constexpr std::array kStages{Stage::lucas_kanade, Stage::residuals, Stage::free_space, Stage::growing};
+  Stopwatch watch;
+  const auto& motion = geometry_.segment(
+      interop::view<const std::uint8_t>(now.input.gray), now.depth, now.T_c_w,
+      interop::view<const std::uint8_t>(std::as_const(now.semantic)),
+      [&](MotionStage s) { result.times[kStages[static_cast<std::size_t>(s)]] = watch.lap_ms(); });
+  const cv::Mat moving(now.input.gray.size(), CV_8UC1,
+                       const_cast<std::uint8_t*>(motion.mask.data()));  // OpenCV has no read-only matrices
   if (!now.semantic.empty() && options_.method == Method::full) give_back_resting(now, *prior, moving);
   cv::bitwise_or(result.dynamic_mask, moving, result.dynamic_mask);
-  result.times[Stage::lucas_kanade] = result.geometry.lk_ms;
-  result.times[Stage::residuals] = result.geometry.residuals_ms;
-  result.times[Stage::free_space] = result.geometry.dense_ms;
-  result.times[Stage::growing] = result.geometry.growing_ms;
   now.watch.lap_ms();
 }
 

@@ -2,6 +2,7 @@
 // What the tracker does with the map: keyframes, loops, and the adjustment that runs beside it.
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "dynslam/map/keyframe_policy.hpp"
 #include "slam/tracker_present.hpp"
@@ -43,10 +44,19 @@ void Tracker::insert_keyframe(Present& now) {
   }
   if (uses_geometry(options_.dynamics) &&
       (!geometry_.has_reference() || id - reference_id_ > options_.reference_distance)) {
-    geometry_.set_reference(frame, now.input, now.image->pyramid);
+    set_reference(frame);
     reference_id_ = id;
   }
   now.result.keyframe = true;
+}
+
+void Tracker::set_reference(const Frame& frame) {
+  std::vector<ReferenceKeypoint<double>> keypoints;
+  keypoints.reserve(frame.features.size());
+  for (const Feature& f : frame.features)
+    keypoints.push_back({Eigen::Vector2d(f.u, f.v), static_cast<double>(f.depth),
+                         static_cast<double>(extractor_.scale(f.octave))});
+  geometry_.set_reference(keypoints, frame.T_c_w);
 }
 
 void Tracker::finish() {

@@ -37,7 +37,6 @@ struct RgbdFrame {
   cv::Mat depth;  ///< CV_32FC1 metres, NaN = invalid
   // What FramePreparation adds; empty where it was not asked.
   std::shared_ptr<const ImageFeatures> features;
-  std::vector<cv::Mat> flow_pyramid;
   double preparation_ms = 0;
 };
 

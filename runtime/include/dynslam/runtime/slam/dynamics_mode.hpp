@@ -4,6 +4,8 @@
 #include <optional>
 #include <string_view>
 
+#include "dynslam/dynamics/method.hpp"
+
 namespace dynslam::runtime {
 
 /// Which masks remove features (the rows of the paper's Table 4).
@@ -18,12 +20,8 @@ enum class DynamicsMode { none, semantic, geometric, both };
   return m == DynamicsMode::geometric || m == DynamicsMode::both;
 }
 
-/// What finds movers and what the tracker takes beside the masks.
-enum class Method {
-  paper,  ///< the paper's path alone: masks from dynamic keypoints and from the network, united; all features
-          ///< alike
-  full    ///< also free-space history, people at rest, and `Additions`
-};
+/// With `paper` all features are alike, too; `full` takes people at rest and `Additions` beside the masks.
+using dynslam::Method;
 
 [[nodiscard]] std::optional<Method> parse_method(std::string_view name);
 [[nodiscard]] std::string_view to_string(Method method);

@@ -7,19 +7,16 @@
 
 namespace dynslam::runtime {
 
-/// The part of a frame's work that needs no pose: features and image pyramids. It is done ahead, on the
+/// The part of a frame's work that needs no pose: features and the image pyramid. It is done ahead, on the
 /// thread that decodes the images; the tracker does itself what was not done.
 class FramePreparation {
  public:
-  explicit FramePreparation(const TrackerOptions& options)
-      : extractor_(options.features), geometry_(options.geometry), flow_(uses_geometry(options.dynamics)) {}
+  explicit FramePreparation(const TrackerOptions& options) : extractor_(options.features) {}
 
   void operator()(RgbdFrame& frame);
 
  private:
   FeatureExtractor extractor_;
-  GeometryOptions geometry_;
-  bool flow_;
 };
 
 }  // namespace dynslam::runtime

@@ -8,7 +8,6 @@
 #include <string_view>
 
 #include "dynslam/geometry/se3.hpp"
-#include "dynslam/runtime/slam/geometric_segmenter.hpp"
 #include "dynslam/runtime/slam/loop_closer.hpp"
 
 namespace dynslam::runtime {
@@ -50,7 +49,6 @@ struct TrackResult {
   bool mask_rejected = false;       ///< the mask left too few features and was not applied to the pose
   int matches = 0, inliers = 0;
   cv::Mat dynamic_mask;  ///< CV_8UC1, 255 = dynamic; always of image size
-  GeometryStatistics geometry;
   StageTimes times{};
 };
 

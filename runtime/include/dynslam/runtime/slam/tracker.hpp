@@ -16,7 +16,6 @@
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/slam/feature_extractor.hpp"
 #include "dynslam/runtime/slam/frame.hpp"
-#include "dynslam/runtime/slam/geometric_segmenter.hpp"
 #include "dynslam/runtime/slam/local_bundle.hpp"
 #include "dynslam/runtime/slam/local_map.hpp"
 #include "dynslam/runtime/slam/loop_closer.hpp"
@@ -73,6 +72,8 @@ class Tracker {
   void pose_without_movers(Present& now);
   void accept(Present& now);
   void insert_keyframe(Present& now);
+  /// Makes the frame at hand the reference keyframe of the geometry.
+  void set_reference(const Frame& frame);
 
   /// Where the camera will have been when the depth image was taken, by its present velocity.
   [[nodiscard]] std::optional<SE3<double>> depth_motion(const RgbdFrame& input) const;
@@ -90,7 +91,7 @@ class Tracker {
   LocalMatcher<decltype(CameraConfig::model)> matcher_;
   MatchedPose<double> pose_;
   PointMaker<double> points_;
-  GeometricSegmenter geometry_;
+  MotionSegmenter<double, decltype(CameraConfig::model)> geometry_;
   LocalMap map_;
   LocalBundle bundle_;
   PlaceIndex places_;

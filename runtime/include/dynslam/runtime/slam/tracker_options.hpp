@@ -5,6 +5,7 @@
 #include <optional>
 #include <string_view>
 
+#include "dynslam/dynamics/motion_segmenter.hpp"
 #include "dynslam/dynamics/resting.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/map/keyframe_policy.hpp"
@@ -13,7 +14,6 @@
 #include "dynslam/map/point_maker.hpp"
 #include "dynslam/runtime/slam/dynamics_mode.hpp"
 #include "dynslam/runtime/slam/feature_extractor.hpp"
-#include "dynslam/runtime/slam/geometric_segmenter.hpp"
 #include "dynslam/runtime/slam/local_bundle.hpp"
 #include "dynslam/runtime/slam/loop_closer.hpp"
 #include "dynslam/runtime/slam/place_verifier.hpp"
@@ -42,8 +42,8 @@ struct TrackerOptions {
   Method method = Method::full;
   std::optional<Additions> additions;  ///< empty: as method and mode have them
   FeatureOptions features;
-  GeometryOptions geometry;
-  std::uint64_t seed = 1;  ///< of the consensus
+  MotionSegmenterOptions<double> geometry;  ///< its method is the one above
+  std::uint64_t seed = 1;                   ///< of the consensus
   /// Sensor noise, and the time between colour and depth image; goes for `pose` and `points`, too.
   DepthNoise<double> depth_noise{0.004, 0.008};
   int initial_features = 100;  ///< with depth, to start a map

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+
+namespace dynslam {
+
+/// What the mask of moving things rests on.
+enum class Method : std::uint8_t {
+  paper,  ///< the paper's steps 5 to 10 alone: regions grown from dynamic keypoints
+  full    ///< also the space that earlier frames saw to be free, and surfaces verified to be at rest
+};
+
+}  // namespace dynslam
