@@ -11,11 +11,14 @@
 #include <limits>
 #include <optional>
 #include <span>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
+#include "dynslam/geometry/hartley.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/geometry/se3.hpp"
-#include "dynslam/robust/split_mix64.hpp"
+#include "dynslam/robust/consensus.hpp"
 
 namespace dynslam {
 
@@ -81,75 +84,54 @@ template <std::floating_point S>
   return *middle >= min_parallax_px ? Baseline::sufficient : Baseline::degenerate;
 }
 
-namespace detail {
-/// Similarity that moves points to their centroid and their mean distance to sqrt(2) (Hartley 1997).
-template <std::floating_point S, class Point>
-[[nodiscard]] bool normalising_transform(std::size_t n, const Point& point, Eigen::Matrix<S, 3, 3>& T) {
-  Eigen::Matrix<S, 2, 1> mean = Eigen::Matrix<S, 2, 1>::Zero();
-  for (std::size_t i = 0; i < n; ++i) mean += point(i);
-  mean /= static_cast<S>(n);
-  S distance = S(0);
-  for (std::size_t i = 0; i < n; ++i) distance += (point(i) - mean).norm();
-  distance /= static_cast<S>(n);
-  if (!(distance > S(0)) || !std::isfinite(distance)) return false;
-  const S s = std::sqrt(S(2)) / distance;
-  T << s, S(0), -s * mean.x(), S(0), s, -s * mean.y(), S(0), S(0), S(1);
-  return true;
-}
-}  // namespace detail
-
 /// Normalised eight-point algorithm: F of rank 2 with unit norm and x_m^T F x = 0 (Eq 8), least
-/// squares where there are more than eight. `index` selects matches; empty: all.
+/// squares where there are more than eight. `index` selects matches; empty: all. Solved in double for any
+/// scalar, because the normal equations square the condition of the matches.
 /// @return nullopt with fewer than 8 matches or when they leave more than one F (coincident points,
 ///         pure rotation of exact data)
 template <std::floating_point S>
 [[nodiscard]] std::optional<Eigen::Matrix<S, 3, 3>> fundamental_eight_point(
     std::span<const Eigen::Matrix<S, 2, 1>> x, std::span<const Eigen::Matrix<S, 2, 1>> x_m,
     std::span<const int> index = {}) {
-  using Matrix3 = Eigen::Matrix<S, 3, 3>;
-  using Matrix9 = Eigen::Matrix<S, 9, 9>;
+  using W = std::common_type_t<S, double>;
+  using Matrix3 = Eigen::Matrix<W, 3, 3>;
+  using Matrix9 = Eigen::Matrix<W, 9, 9>;
   const std::size_t n = index.empty() ? std::min(x.size(), x_m.size()) : index.size();
   if (n < 8) return std::nullopt;
   const auto at = [&](std::size_t k) { return index.empty() ? k : static_cast<std::size_t>(index[k]); };
   Matrix3 T, T_m;
-  if (!detail::normalising_transform<S>(
-          n, [&](std::size_t k) { return x[at(k)]; }, T) ||
-      !detail::normalising_transform<S>(
-          n, [&](std::size_t k) { return x_m[at(k)]; }, T_m)) {
+  const auto first = [&](std::size_t k) -> Eigen::Matrix<W, 2, 1> { return x[at(k)].template cast<W>(); };
+  const auto second = [&](std::size_t k) -> Eigen::Matrix<W, 2, 1> { return x_m[at(k)].template cast<W>(); };
+  if (!detail::normalising_transform<W>(n, first, T) || !detail::normalising_transform<W>(n, second, T_m)) {
     return std::nullopt;
   }
   Matrix9 AtA = Matrix9::Zero();
   for (std::size_t k = 0; k < n; ++k) {
-    const Eigen::Matrix<S, 3, 1> p = T * x[at(k)].homogeneous(), q = T_m * x_m[at(k)].homogeneous();
-    Eigen::Matrix<S, 9, 1> a;
+    const Eigen::Matrix<W, 3, 1> p = T * first(k).homogeneous(), q = T_m * second(k).homogeneous();
+    Eigen::Matrix<W, 9, 1> a;
     a << q.x() * p, q.y() * p, p;
     AtA.template selfadjointView<Eigen::Lower>().rankUpdate(a);
   }
   const Eigen::SelfAdjointEigenSolver<Matrix9> eigen(AtA);
   if (eigen.info() != Eigen::Success) return std::nullopt;
   // The second smallest eigenvalue must stand clear of rounding, or the null space is a plane.
-  if (!(eigen.eigenvalues()(1) > S(1e3) * Eigen::NumTraits<S>::epsilon() * eigen.eigenvalues()(8)))
+  if (!(eigen.eigenvalues()(1) > W(1e3) * Eigen::NumTraits<W>::epsilon() * eigen.eigenvalues()(8)))
     return std::nullopt;
-  const Eigen::Matrix<S, 9, 1> f = eigen.eigenvectors().col(0);
+  const Eigen::Matrix<W, 9, 1> f = eigen.eigenvectors().col(0);
   Matrix3 F;
   F << f(0), f(1), f(2), f(3), f(4), f(5), f(6), f(7), f(8);
   Eigen::JacobiSVD<Matrix3> svd(F, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix<S, 3, 1> d = svd.singularValues();
-  d.z() = S(0);
+  Eigen::Matrix<W, 3, 1> d = svd.singularValues();
+  d.z() = W(0);
   F = T_m.transpose() * (svd.matrixU() * d.asDiagonal() * svd.matrixV().transpose()) * T;
-  const S norm = F.norm();
-  if (!(norm > S(0)) || !std::isfinite(norm)) return std::nullopt;
-  return F / norm;
+  const W norm = F.norm();
+  if (!(norm > W(0)) || !std::isfinite(norm)) return std::nullopt;
+  return (F / norm).template cast<S>();
 }
 
+/// Options of fundamental_ransac; the threshold is of Sampson's distance.
 template <std::floating_point S>
-struct FundamentalRansacOptions {
-  S threshold_px = S(1);   ///< Sampson distance of an inlier [px]
-  S confidence = S(0.99);  ///< of having drawn one clean sample
-  int max_iterations = 300;
-  int min_inliers = 16;
-  std::uint64_t seed = 1;  ///< same seed and input: same result, on every platform
-};
+using FundamentalRansacOptions = RansacOptions<S>;
 
 enum class FundamentalStatus : std::uint8_t { ok, too_few_points, no_consensus };
 
@@ -166,66 +148,34 @@ struct FundamentalResult {
 template <std::floating_point S>
 [[nodiscard]] FundamentalResult<S> fundamental_ransac(std::span<const Eigen::Matrix<S, 2, 1>> x,
                                                       std::span<const Eigen::Matrix<S, 2, 1>> x_m,
-                                                      const FundamentalRansacOptions<S>& options) {
-  constexpr int kSample = 8;
+                                                      const RansacOptions<S>& options,
+                                                      RansacWorkspace& workspace) {
+  using Matrix3 = Eigen::Matrix<S, 3, 3>;
+  const std::size_t n = std::min(x.size(), x_m.size());
+  auto found = inlier_consensus<8, Matrix3>(
+      n, options, [&](std::span<const int> index) { return fundamental_eight_point<S>(x, x_m, index); },
+      [&](const Matrix3& F, std::size_t i) { return sampson_distance_squared<S>(F, x[i], x_m[i]); },
+      workspace);
   FundamentalResult<S> result;
-  const int n = static_cast<int>(std::min(x.size(), x_m.size()));
-  result.inlier.assign(static_cast<std::size_t>(n), 0);
-  if (n < std::max(kSample, options.min_inliers)) return result;
-  const S limit = options.threshold_px * options.threshold_px;
-  const auto score = [&](const Eigen::Matrix<S, 3, 3>& F, std::vector<std::uint8_t>& flags) {
-    int inliers = 0;
-    for (int i = 0; i < n; ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      flags[k] = sampson_distance_squared<S>(F, x[k], x_m[k]) <= limit ? 1 : 0;
-      inliers += flags[k];
-    }
-    return inliers;
-  };
-  SplitMix64 random(options.seed);
-  std::vector<std::uint8_t> flags(static_cast<std::size_t>(n));
-  int sample[kSample];
-  int needed = options.max_iterations;
-  for (; result.iterations < needed; ++result.iterations) {
-    for (int k = 0; k < kSample; ++k) {
-      do sample[k] = random.below(n);
-      while (std::find(sample, sample + k, sample[k]) != sample + k);
-    }
-    const auto F = fundamental_eight_point<S>(x, x_m, std::span<const int>(sample, kSample));
-    if (!F) continue;
-    const int inliers = score(*F, flags);
-    if (inliers <= result.inliers) continue;
-    result.inliers = inliers;
-    result.F = *F;
-    result.inlier.swap(flags);
-    const S share = static_cast<S>(inliers) / static_cast<S>(n);
-    const S miss = std::log(S(1) - std::pow(share, S(kSample)));
-    if (miss < S(0)) {
-      needed = std::min(
-          needed, static_cast<int>(std::min(S(1e6), std::ceil(std::log(S(1) - options.confidence) / miss))));
-    }
-  }
-  if (result.inliers < options.min_inliers) {
+  result.inlier = std::move(found.inlier);
+  result.inliers = found.inliers;
+  result.iterations = found.iterations;
+  if (found.model) {
+    result.F = *found.model;
+    result.status = FundamentalStatus::ok;
+  } else if (n >= 8 && static_cast<int>(n) >= options.min_inliers) {
     result.status = FundamentalStatus::no_consensus;
-    return result;
   }
-  for (int round = 0; round < 3; ++round) {  // least squares on the inliers, while that gains some
-    std::vector<int> index;
-    for (int i = 0; i < n; ++i) {
-      if (result.inlier[static_cast<std::size_t>(i)] != 0) index.push_back(i);
-    }
-    const auto F = fundamental_eight_point<S>(x, x_m, index);
-    if (!F) break;
-    const int inliers = score(*F, flags);
-    if (inliers < result.inliers) break;
-    const bool same = inliers == result.inliers;
-    result.F = *F;
-    result.inliers = inliers;
-    result.inlier.swap(flags);
-    if (same) break;
-  }
-  result.status = FundamentalStatus::ok;
   return result;
+}
+
+/// The same with its own memory.
+template <std::floating_point S>
+[[nodiscard]] FundamentalResult<S> fundamental_ransac(std::span<const Eigen::Matrix<S, 2, 1>> x,
+                                                      std::span<const Eigen::Matrix<S, 2, 1>> x_m,
+                                                      const RansacOptions<S>& options) {
+  RansacWorkspace workspace;
+  return fundamental_ransac<S>(x, x_m, options, workspace);
 }
 
 }  // namespace dynslam

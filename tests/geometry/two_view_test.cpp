@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/geometry/two_view.hpp"
+
+#include <doctest/doctest.h>
+
+#include <string>
+#include <vector>
+
+#include "dynslam/geometry/brown_conrady.hpp"
+#include "dynslam/geometry/kannala_brandt.hpp"
+#include "dynslam/geometry/se3.hpp"
+#include "random.hpp"
+
+using namespace dynslam;
+
+namespace {
+
+enum class Scene { room, plane };
+
+template <class C>
+struct Views {
+  using S = typename C::ScalarType;
+  std::vector<Eigen::Matrix<S, 2, 1>> x, x_m;
+  std::size_t outliers = 0;  // the first ones
+};
+
+/// Matches with 0.3 px of noise; the first ones are wrong by anything.
+template <class C>
+Views<C> make_views(test::Rng& rng, const C& camera, Scene scene, const SE3d& T, int n, double outliers) {
+  using S = typename C::ScalarType;
+  Views<C> views;
+  const SE3<S> motion = T.cast<S>();
+  const Eigen::Vector3d normal = Eigen::Vector3d(0.2, -0.1, 1).normalized();
+  views.outliers = static_cast<std::size_t>(outliers * n);
+  while (static_cast<int>(views.x.size()) < n) {
+    const Eigen::Matrix<S, 2, 1> x(S(rng.uniform(40, 600)), S(rng.uniform(40, 440)));
+    const auto ray = camera.unproject(x, S(1));
+    if (!ray) continue;
+    const S z =
+        scene == Scene::plane ? S(2.0 / normal.dot(ray->template cast<double>())) : S(rng.uniform(1, 5));
+    const auto x_m = camera.project(motion * (*ray * z));
+    if (!x_m) continue;
+    views.x.push_back(x);
+    views.x_m.push_back(*x_m + S(0.3) * Eigen::Matrix<S, 2, 1>(S(rng.normal()), S(rng.normal())));
+    if (views.x.size() <= views.outliers) views.x_m.back() = {S(rng.uniform(0, 640)), S(rng.uniform(0, 480))};
+  }
+  return views;
+}
+
+SE3d moved(double tx, double ty, double tz, double angle) {
+  Eigen::Matrix<double, 6, 1> xi;
+  xi << tx, ty, tz, 0.3 * angle, angle, -0.2 * angle;
+  return SE3d::exp(xi);
+}
+
+struct Tally {
+  int none = 0, homography = 0, fundamental = 0;
+  int accused = 0, judged = 0;  // static points farther than 3 px from the model
+};
+
+template <class C>
+Tally try_scenes(const std::string& name, const C& camera, Scene scene, double baseline, double outliers) {
+  using S = typename C::ScalarType;
+  test::Rng rng(name);
+  TwoViewWorkspace<S> workspace;
+  TwoViewOptions<S> options;
+  options.ransac.threshold_px = S(1.5);
+  options.ransac.max_iterations = 400;
+  Tally tally;
+  for (int k = 0; k < 20; ++k) {
+    const double a = rng.uniform(-3, 3);
+    const SE3d T =
+        moved(baseline * std::cos(a), baseline * std::sin(a), 0.2 * baseline, rng.uniform(-0.06, 0.06));
+    const auto v = make_views(rng, camera, scene, T, 200, outliers);
+    using Points = std::span<const Eigen::Matrix<S, 2, 1>>;
+    const auto found = two_view_geometry(camera, Points(v.x), Points(v.x_m), options, workspace);
+    tally.none += found.model == TwoViewModel::none ? 1 : 0;
+    tally.homography += found.model == TwoViewModel::homography ? 1 : 0;
+    tally.fundamental += found.model == TwoViewModel::fundamental ? 1 : 0;
+    for (std::size_t i = v.outliers; i < v.x.size() && found.ok(); ++i) {
+      ++tally.judged;
+      tally.accused += found.distance_px[i] > S(3) ? 1 : 0;
+    }
+  }
+  return tally;
+}
+
+template <class S>
+const Pinhole<S> kCamera(S(535.4), S(539.2), S(320.1), S(247.6));
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("a plane is a homography, with up to 40 % outliers (F misplaced its static points)", S,
+                   float, double) {
+  for (const double outliers : {0.0, 0.2, 0.4}) {
+    CAPTURE(outliers);
+    const Tally t = try_scenes("plane", kCamera<S>, Scene::plane, 0.2, outliers);
+    CHECK(t.homography >= 19);
+    CHECK(t.accused * 100 < t.judged);
+  }
+}
+
+TEST_CASE_TEMPLATE("a room seen from two places is a fundamental matrix, with up to 40 % outliers", S, float,
+                   double) {
+  for (const double outliers : {0.0, 0.2, 0.4}) {
+    CAPTURE(outliers);
+    const Tally t = try_scenes("room", kCamera<S>, Scene::room, 0.25, outliers);
+    CHECK(t.fundamental >= 19);
+    CHECK(t.accused * 50 < t.judged);
+  }
+}
+
+TEST_CASE_TEMPLATE("pure rotation and a hair of a baseline are homographies", S, float, double) {
+  for (const double baseline : {0.0, 0.001}) {
+    for (const double outliers : {0.0, 0.4}) {
+      CAPTURE(baseline);
+      CAPTURE(outliers);
+      const Tally t = try_scenes("rotation", kCamera<S>, Scene::room, baseline, outliers);
+      CHECK(t.homography >= 19);
+      CHECK(t.accused * 100 < t.judged);
+    }
+  }
+}
+
+TEST_CASE_TEMPLATE("the verdict is reached through lenses of any kind", S, float, double) {
+  const PinholeBrownConrady<S> lens(Pinhole<S>(S(517.3), S(516.5), S(318.6), S(255.3)),
+                                    BrownConrady<S>(S(0.2624), S(-0.9531), S(-0.0054), S(0.0026), S(1.1633)));
+  const KannalaBrandt<S> fisheye(S(350), S(350), S(320), S(240),
+                                 Eigen::Matrix<S, 4, 1>(S(-0.02), S(0.004), S(-0.001), S(0)));
+  CHECK(try_scenes("lens", lens, Scene::plane, 0.2, 0.2).homography >= 19);
+  CHECK(try_scenes("lens", lens, Scene::room, 0.25, 0.2).fundamental >= 19);
+  CHECK(try_scenes("fisheye", fisheye, Scene::plane, 0.2, 0.2).homography >= 19);
+  CHECK(try_scenes("fisheye", fisheye, Scene::room, 0.25, 0.2).fundamental >= 19);
+}
+
+TEST_CASE("matches that share nothing, and too few, have no model and no distances") {
+  test::Rng rng("nothing");
+  const auto v = make_views(rng, kCamera<double>, Scene::room, SE3d(), 60, 1.0);
+  using Points = std::span<const Eigen::Vector2d>;
+  const auto random = two_view_geometry(kCamera<double>, Points(v.x), Points(v.x_m));
+  CHECK_FALSE(random.ok());
+  CHECK(std::isnan(random.distance_px[0]));
+  CHECK_FALSE(two_view_geometry(kCamera<double>, Points(v.x).first(5), Points(v.x_m).first(5)).ok());
+  CHECK_FALSE(two_view_geometry(kCamera<double>, Points(), Points()).ok());
+}
