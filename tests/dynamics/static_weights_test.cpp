@@ -181,3 +181,47 @@ TEST_CASE_TEMPLATE("the form of the print finds the same matches dynamic, with i
   CHECK(n.moving_found > n.moving * 95 / 100);
   CHECK(n.still_lost < n.still * 4 / 100);
 }
+
+TEST_CASE_TEMPLATE("before a wall, where F would be arbitrary, no match is judged by it", S, float, double) {
+  // Twenty views of one plane: F fits its noise, and its lines accuse points that stand still.
+  const Pinhole<S> camera(S(170), S(170), S(99.5), S(74.5));
+  const Eigen::Vector3d normal = Eigen::Vector3d(0.2, -0.1, 1).normalized();  // normal . p = 2 m
+  const Image<std::uint8_t> gray(kWidth, kHeight, 128);
+  test::Rng rng("wall");
+  StaticWeightsWorkspace<S> workspace;
+  for (int trial = 0; trial < 20; ++trial) {
+    CAPTURE(trial);
+    const SE3<double> T(
+        SO3<double>::exp(Eigen::Vector3d(0.01, -0.02, 0.02)),
+        Eigen::Vector3d(rng.uniform(-0.2, 0.2), rng.uniform(0.1, 0.2), rng.uniform(-0.1, 0.1)));
+    const Eigen::Vector3d n_c = T.rotation_matrix() * normal;  // the plane in the current camera
+    const double d_c = 2.0 + n_c.dot(T.translation());
+    Image<float> depth(kWidth, kHeight);
+    for (int v = 0; v < kHeight; ++v) {
+      for (int u = 0; u < kWidth; ++u) {
+        const Eigen::Vector3d ray = camera.ray({S(u), S(v)}).template cast<double>();
+        depth(u, v) = static_cast<float>(d_c / n_c.dot(ray));
+      }
+    }
+    std::vector<KeypointMatch<S>> matches;
+    for (int k = 0; k < 200; ++k) {
+      const Eigen::Matrix<S, 2, 1> x(S(rng.uniform(8, kWidth - 8)), S(rng.uniform(8, kHeight - 8)));
+      const Eigen::Matrix<S, 3, 1> ray = camera.ray(x);
+      const S z = S(2.0 / normal.dot(ray.template cast<double>()));
+      const auto x_m = camera.project(T.template cast<S>() * (ray * z));
+      if (!x_m || !(x_m->x() > 4 && x_m->y() > 4 && x_m->x() < kWidth - 4 && x_m->y() < kHeight - 4))
+        continue;
+      const auto match = keypoint_match(
+          camera, x, z,
+          Eigen::Matrix<S, 2, 1>(*x_m + S(0.3) * Eigen::Matrix<S, 2, 1>(S(rng.normal()), S(rng.normal()))));
+      REQUIRE(match);
+      matches.push_back(*match);
+    }
+    const auto& result = static_weights(camera, std::span<const KeypointMatch<S>>(matches), gray, gray, depth,
+                                        T.template cast<S>(), StaticWeightsOptions<S>(), workspace);
+    REQUIRE(result.ok());
+    CHECK(result.epipolar == EpipolarVerdict::planar);
+    CHECK(result.mismatches == 0);
+    CHECK(result.dynamic_matches * 50 < static_cast<int>(matches.size()));
+  }
+}

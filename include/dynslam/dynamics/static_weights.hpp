@@ -22,6 +22,7 @@
 #include "dynslam/geometry/epipolar.hpp"
 #include "dynslam/geometry/ideal_pinhole.hpp"
 #include "dynslam/geometry/se3.hpp"
+#include "dynslam/geometry/two_view.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/robust/t_distribution.hpp"
 
@@ -79,6 +80,7 @@ enum class StaticWeightsStatus : std::uint8_t {
 
 enum class EpipolarVerdict : std::uint8_t {
   not_applicable,  ///< too few matches, too little parallax, or no F that enough of them agree on
+  planar,          ///< one homography explains them: F would be arbitrary, and nothing is judged by it
   applied          ///< matches far from their epipolar line are mismatches
 };
 
@@ -104,14 +106,15 @@ struct StaticWeightsWorkspace {
   std::vector<S> photometric, reprojection, depth, sorted;
   std::vector<Eigen::Vector2d> x, x_m;  // ideal pixels
   std::vector<std::size_t> index;
+  TwoViewWorkspace<double> two_view;
   ScaleWorkspace<S> scale;
 };
 
 namespace detail {
 
 /// Eq (8): flags what lies off its epipolar line. F is estimated outside the a-priori mask only, and only
-/// where the translation gives it meaning. In double whatever S is: eight points of an image are at the limit
-/// of what float can tell apart.
+/// where the translation gives it meaning and the scene is not a plane (two_view_geometry). In double
+/// whatever S is: eight points of an image are at the limit of what float can tell apart.
 template <CameraModel C, class S = typename C::ScalarType>
 void flag_mismatches(const C& camera, std::span<const KeypointMatch<S>> matches, const SE3<S>& T_cur_ref,
                      const StaticWeightsOptions<S>& options, StaticWeightsWorkspace<S>& ws) {
@@ -140,14 +143,15 @@ void flag_mismatches(const C& camera, std::span<const KeypointMatch<S>> matches,
                                T_cur_ref.template cast<double>().so3(),
                                static_cast<double>(options.min_parallax_px)) != Baseline::sufficient)
     return;
-  FundamentalRansacOptions<double> ransac;
-  ransac.threshold_px = static_cast<double>(options.epipolar_px);
-  ransac.seed = options.seed;
-  const auto fundamental = fundamental_ransac<double>(x, x_m, ransac);
-  if (fundamental.status != FundamentalStatus::ok) return;
+  TwoViewOptions<double> two_view;
+  two_view.ransac.threshold_px = static_cast<double>(options.epipolar_px);
+  two_view.ransac.seed = options.seed;
+  const auto views = two_view_geometry(pinhole.template cast<double>(), x, x_m, two_view, ws.two_view);
+  if (views.model == TwoViewModel::homography) result.epipolar = EpipolarVerdict::planar;
+  if (views.model != TwoViewModel::fundamental) return;
   result.epipolar = EpipolarVerdict::applied;
   for (std::size_t i = 0; i < ws.x.size(); ++i) {
-    if (line_distance<double>(fundamental.F, ws.x[i], ws.x_m[i]) <= ransac.threshold_px) continue;
+    if (line_distance<double>(views.matrix, ws.x[i], ws.x_m[i]) <= two_view.ransac.threshold_px) continue;
     result.mismatch[ws.index[i]] = 1;
     ++result.mismatches;
   }
