@@ -77,7 +77,7 @@ sums=$work/sums.txt
 for entry in "${sequences[@]}"; do
   for mode in none semantic geometric both; do
     IFS='|' read -r name folder model <<< "$entry"
-    grep -Eq "$only" <<< "$name $mode" && printf '%s\0%s\0%s\0%s\0' "$name" "$folder" "$model" "$mode"
+    if grep -Eq "$only" <<< "$name $mode"; then printf '%s\0%s\0%s\0%s\0' "$name" "$folder" "$model" "$mode"; fi
   done
 done | xargs -0 -r -n 4 -P "${JOBS:-1}" bash -c 'one "$@"' _ | sort > "$sums"
 [ -s "$sums" ] || { echo "same-bytes: nothing matches ONLY='$only'" >&2; exit 2; }

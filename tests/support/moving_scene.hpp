@@ -101,11 +101,13 @@ class SceneRenderer {
  public:
   using S = typename Camera::ScalarType;
   SceneRenderer(const Camera& camera, int width, int height)
-      : gray(width, height), depth(width, height), moving(width, height), rays_(width, height) {
+      : gray(width, height),
+        depth(width, height),
+        moving(width, height),
+        rays_(width, height, Eigen::Vector3d::Zero()) {
     for (int v = 0; v < height; ++v) {
       for (int u = 0; u < width; ++u) {
         const auto ray = camera.unproject(Eigen::Matrix<S, 2, 1>(S(u), S(v)), S(1));
-        rays_(u, v).setZero();
         if (ray) rays_(u, v) = ray->template cast<double>();
       }
     }

@@ -3,10 +3,10 @@
 
 #include <Eigen/Core>
 #include <cmath>
-#include <concepts>
 #include <optional>
 
 #include "dynslam/concepts/image.hpp"
+#include "dynslam/concepts/scalar.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/image/sample.hpp"
 
@@ -14,18 +14,18 @@ namespace dynslam {
 
 /// Eq (3): E_I = I_ref(x) - I_cur(x') in grey values, x' being the projection of x with the present
 /// pose. nullopt where either lies outside its image.
-template <std::floating_point S, ImageLike A, ImageLike B>
+template <Scalar S, ImageLike A, ImageLike B>
 [[nodiscard]] std::optional<S> photometric_residual(const A& reference, const Eigen::Matrix<S, 2, 1>& x,
                                                     const B& current,
                                                     const Eigen::Matrix<S, 2, 1>& x_projected) {
   const auto a = bilinear<S>(reference, x.x(), x.y());
   const auto b = bilinear<S>(current, x_projected.x(), x_projected.y());
   if (!a || !b) return std::nullopt;
-  return *a - *b;
+  return S(*a - *b);
 }
 
-/// Eq (5): E_C = |x' - x_m| in pixels, projection against match.
-template <std::floating_point S>
+/// Eq (5): E_C = |x' - x_m| in pixels, projection against match. It has no derivative where the two coincide.
+template <Scalar S>
 [[nodiscard]] S reprojection_residual(const Eigen::Matrix<S, 2, 1>& x_projected,
                                       const Eigen::Matrix<S, 2, 1>& x_m) {
   return (x_projected - x_m).norm();
@@ -33,25 +33,22 @@ template <std::floating_point S>
 
 /// Eq (6): E_D = (T_c P)_z - D(x_m) in metres: expected against measured depth at the match (nearest
 /// pixel: interpolation across a depth edge would make up a surface). nullopt without valid depth.
-template <std::floating_point S, DepthImage D>
+template <Scalar S, DepthImage D>
 [[nodiscard]] std::optional<S> depth_residual(const Eigen::Matrix<S, 3, 1>& p_c, const D& depth,
                                               const Eigen::Matrix<S, 2, 1>& x_m) {
-  if (!(x_m.x() > S(-0.5) && x_m.y() > S(-0.5) && x_m.x() < S(depth.width()) - S(0.5) &&
-        x_m.y() < S(depth.height()) - S(0.5))) {
-    return std::nullopt;
-  }
-  const auto z =
-      static_cast<S>(depth(static_cast<int>(std::lround(x_m.x())), static_cast<int>(std::lround(x_m.y()))));
+  const double u = to_double(x_m.x()), v = to_double(x_m.y());
+  if (!(u > -0.5 && v > -0.5 && u < depth.width() - 0.5 && v < depth.height() - 0.5)) return std::nullopt;
+  const auto z = depth(static_cast<int>(std::lround(u)), static_cast<int>(std::lround(v)));
   if (!is_valid_depth(z)) return std::nullopt;
-  return p_c.z() - z;
+  return S(p_c.z() - S(static_cast<double>(z)));
 }
 
 /// The three errors of one reference keypoint; the photometric and the depth error may be missing.
-template <std::floating_point S>
+template <Scalar S>
 struct KeypointResiduals {
-  S photometric = S(0);   ///< grey values
-  S reprojection = S(0);  ///< pixels
-  S depth = S(0);         ///< metres
+  S photometric = S(0.0);   ///< grey values
+  S reprojection = S(0.0);  ///< pixels
+  S depth = S(0.0);         ///< metres
   bool has_photometric = false, has_depth = false;
   [[nodiscard]] int dimension() const { return 1 + (has_photometric ? 1 : 0) + (has_depth ? 1 : 0); }
 };
