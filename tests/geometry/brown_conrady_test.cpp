@@ -36,8 +36,8 @@ TEST_CASE("the distortion's Jacobian equals central differences") {
   test::Rng rng("distortion jacobian");
   for (int k = 0; k < 200; ++k) {
     const Eigen::Vector2d n(rng.uniform(-0.6, 0.6), rng.uniform(-0.5, 0.5));
-    BrownConrady<double>::Matrix2 J;
-    (void)kFr1Lens.distort(n, &J);
+    BrownConrady<double>::Matrix2 J = BrownConrady<double>::Matrix2::Zero();
+    REQUIRE(kFr1Lens.distort(n, &J));
     const auto f = [](const Eigen::Vector2d& m) -> Eigen::Vector2d { return *kFr1Lens.distort(m); };
     CHECK(test::relative_error(J, test::central_differences<2, 2>(f, n)) < 1e-8);
   }
@@ -129,7 +129,7 @@ TEST_CASE("the Jacobian of the projection through a lens equals central differen
   using Dual = Eigen::AutoDiffScalar<Eigen::Vector3d>;
   const auto dual_camera = kFr1Camera.cast<Dual>();
   const auto f = [](const Eigen::Vector3d& q) -> Eigen::Vector2d { return *kFr1Camera.project(q); };
-  PinholeBrownConrady<double>::Jacobian J;
+  PinholeBrownConrady<double>::Jacobian J = PinholeBrownConrady<double>::Jacobian::Zero();
   for (int k = 0; k < 200; ++k) {
     const double z = rng.uniform(0.4, 6);
     const Eigen::Vector3d p(rng.uniform(-0.6, 0.6) * z, rng.uniform(-0.5, 0.5) * z, z);
