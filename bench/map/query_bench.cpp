@@ -11,7 +11,7 @@
 #include "dynslam/semantic/map_query.hpp"
 #include "dynslam/semantic/scan_voxels.hpp"
 #include "dynslam/semantic/voxel_block_map.hpp"
-#include "rng.hpp"
+#include "support/rng.hpp"
 
 namespace {
 

@@ -218,6 +218,7 @@ TEST_CASE_TEMPLATE("surface weights follow the image's size: half the pixels, th
   std::vector<PoseObservation<S>> large, small;
   for (int k = 0; k < 60; ++k) {
     PoseObservation<S> o;
+    o.p_w.setZero();
     o.x = Eigen::Vector2d(rng.uniform(0, 640), rng.uniform(0, 480)).cast<S>();
     o.depth = static_cast<S>(rng.uniform(0.5, 8.0));
     large.push_back(o);

@@ -31,7 +31,7 @@ TEST_CASE("pixels for which the lens has no inverse make no map points") {
   REQUIRE(tracker.track(frame, std::nullopt).state == TrackingState::tracked);
   int features = 0, outside = 0;
   for (const Feature& f : tracker.map().keyframes().front().frame.features) {
-    const double r = Eigen::Vector2d(f.u - 319.5, f.v - 239.5).norm() / 400;
+    const double r = (Eigen::Vector2d(f.u, f.v) - Eigen::Vector2d(319.5, 239.5)).norm() / 400;
     ++features;
     if (r > 0.545) {
       ++outside;

@@ -203,7 +203,7 @@ TEST_CASE_TEMPLATE("normals stop growing where a board stands on the floor at on
       depth(u, v) = std::min(floor, u > 50 && u < 110 ? S(3) : S(4));
     }
   }
-  Image<Eigen::Matrix<S, 3, 1>> normals(160, 120);
+  Image<Eigen::Matrix<S, 3, 1>> normals(160, 120, Eigen::Matrix<S, 3, 1>::Zero());
   surface_normals(camera, depth, NormalOptions<S>{}, normals);
   CHECK(normals(80, 40).dot(Eigen::Matrix<S, 3, 1>(0, 0, -1)) == doctest::Approx(1));
   CHECK(normals(80, 110).dot(Eigen::Matrix<S, 3, 1>(0, -1, 0)) == doctest::Approx(1));
