@@ -124,10 +124,9 @@ TEST_CASE_TEMPLATE("the equations for any camera agree with the pinhole's own", 
     const S pixel = static_cast<S>(rng.uniform(0.1, 2)), depth = static_cast<S>(rng.uniform(0, 100));
     PointLinearisation<Pinhole<S>> a;
     PointLinearisation<test::DisguisedPinhole<S>> b;
-    b.r.setZero();
-    b.dx.setZero();
-    REQUIRE(a.at(camera, p, o));
-    REQUIRE(b.at(disguised, p, o));
+    const bool seen = a.at(camera, p, o) && b.at(disguised, p, o);
+    REQUIRE(seen);
+    if (!seen) continue;  // for the compiler
     a.add_to(fast, camera, pixel, depth);
     b.add_to(general, disguised, pixel, depth);
   }
