@@ -140,7 +140,7 @@ class MotionSegmenter {
     on_stage(MotionStage::free_space);
     const MaskGrowingResult grown =
         grow_mask(depth_.view(), verdicts_.seed.view(), verdicts_.barrier.view(), verdicts_.age.view(),
-                  cell_mask_.view(), growing_options(), growing_);
+                  cell_mask_.view(), options_.growing, growing_);
     motion_.seeds = grown.seeds;
     motion_.regions_leaked = grown.regions_leaked;
     upsample_mask(cell_mask_.view(), depth_, depth, grid_, motion_.mask.view(), zone_);
@@ -246,14 +246,12 @@ class MotionSegmenter {
     const int w = grid_.width(), h = grid_.height();
     for (const JudgedMatch<S>& m : motion_.matches) {
       if (!m.dynamic) continue;
-      if (options_.method == Method::full) {
-        int near = 0, near_static = 0;
-        for (const JudgedMatch<S>& other : motion_.matches) {
-          if ((other.x_m - m.x_m).cwiseAbs().maxCoeff() > radius) continue;
-          ++(other.dynamic ? near : near_static);
-        }
-        if (near < options_.keypoint_seeds.support || near < near_static) continue;
+      int near = 0, near_static = 0;
+      for (const JudgedMatch<S>& other : motion_.matches) {
+        if ((other.x_m - m.x_m).cwiseAbs().maxCoeff() > radius) continue;
+        ++(other.dynamic ? near : near_static);
       }
+      if (near < options_.keypoint_seeds.support || near < near_static) continue;
       const int c = grid_.cell_at(static_cast<float>(m.x_m.x()), static_cast<float>(m.x_m.y()));
       if (c < 0) continue;
       const int i = c % w, j = c / w;
@@ -265,16 +263,6 @@ class MotionSegmenter {
         }
       }
     }
-  }
-
-  /// The paper grows from every dynamic keypoint, wherever the depth leads, and has its guard alone.
-  [[nodiscard]] MaskGrowingOptions growing_options() const {
-    MaskGrowingOptions options = options_.growing;
-    if (options_.method == Method::paper) {
-      options.min_seeds = 1;
-      options.reach = -1;
-    }
-    return options;
   }
 
   [[nodiscard]] bool wants_reference() const {
