@@ -18,13 +18,13 @@ struct Corners {
   test::Rng rng{"multi index"};
   std::vector<std::uint64_t> values;
   Corners() {
-    for (int i = 0; i < 3000; ++i) values.push_back(rng.engine()() & 0xFFFFU);
+    for (int i = 0; i < 1000; ++i) values.push_back(rng.engine()() & 0xFFFFU);
   }
   Descriptor draw() {
     Descriptor d{};
     for (std::size_t part = 0; part < 16; ++part) {
       const double u = rng.uniform();
-      d[part / 4] |= values[static_cast<std::size_t>(u * u * 3000)] << (16 * (part % 4));
+      d[part / 4] |= values[static_cast<std::size_t>(u * u * 1000)] << (16 * (part % 4));
     }
     return d;
   }
@@ -115,4 +115,51 @@ TEST_CASE("features without a point are not indexed, those on movers have no vot
   index.query(shown, {}, found);
   CHECK(found.empty());
   index.remove(77);  // never there
+}
+
+TEST_CASE("an index of 10 000 keyframes answers for the oldest as one of 100 does") {
+  Corners corners;
+  PlaceIndex index;
+  const auto first = corners.draw(60), again = corners.seen_again(first, 8);
+  index.add(0, first, std::vector<int>(60, 1));
+  std::vector<std::pair<int, int>> found;
+  int few = 0;
+  for (int k = 1; k < 10000; ++k) {
+    index.add(k, corners.draw(20), std::vector<int>(20, 1));
+    if (k != 100) continue;
+    index.query(again, {}, found);
+    few = votes_of(found, 0);
+  }
+  CHECK(few >= 50);
+  index.query(again, {}, found);
+  CHECK(found.front().second == 0);
+  CHECK(votes_of(found, 0) >= few * 9 / 10);
+}
+
+TEST_CASE("removed keyframes are gone: what is left answers as if they had never been") {
+  Corners corners;
+  PlaceIndex index, fresh;
+  const auto first = corners.draw(60), again = corners.seen_again(first, 8);
+  for (PlaceIndex* one : {&index, &fresh}) one->add(0, first, std::vector<int>(60, 1));
+  // Views that look much the same, as of a camera that stands: they fill the very lists of the first one.
+  for (int k = 1; k < 400; ++k) {
+    auto alike = corners.seen_again(first, 20);
+    index.add(k, alike, std::vector<int>(60, 1));
+  }
+  for (int k = 1; k < 400; ++k) index.remove(k);
+  CHECK(index.size() == 60);
+  std::vector<std::pair<int, int>> found, expected;
+  index.query(again, {}, found);
+  fresh.query(again, {}, expected);
+  CHECK(votes_of(expected, 0) >= 50);
+  CHECK(found == expected);
+  // Their memory is used again, and nothing of them is found in it.
+  const auto other = corners.draw(60);
+  index.add(3, other, std::vector<int>(60, 1));
+  index.query(other, {}, found);
+  CHECK(found.front() == std::pair(60, 3));
+  index.add(3, first, std::vector<int>(60, 1));  // in the place of what it had
+  CHECK(index.size() == 120);
+  index.query(other, {}, found);
+  CHECK(votes_of(found, 3) < 5);
 }
