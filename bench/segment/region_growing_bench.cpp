@@ -106,8 +106,8 @@ void opencv_flood_fill(benchmark::State& state) {
   for (auto _ : state) {
     mask = cv::Mat::zeros(kHeight + 2, kWidth + 2, CV_8UC1);
     cv::Mat unchanged = image;
-    const int pixels = cv::floodFill(unchanged, mask, {320, 240}, {}, nullptr, kStep, kStep,
-                                     4 | cv::FLOODFILL_MASK_ONLY | 255 << 8);
+    const int pixels = cv::floodFill(unchanged, mask, {320, 240}, {}, nullptr, static_cast<double>(kStep),
+                                     static_cast<double>(kStep), 4 | cv::FLOODFILL_MASK_ONLY | 255 << 8);
     if (static_cast<std::size_t>(pixels) != kPixels) state.SkipWithError("another region");
     benchmark::DoNotOptimize(mask.data);
   }

@@ -73,7 +73,7 @@ struct Buffers {
   }
   void overwrite() {
     gray.setTo(77);
-    depth.setTo(1.0F);
+    depth.setTo(1.0);
     dynamic.setTo(255);
   }
 };
