@@ -35,12 +35,4 @@ static_assert(ImagePyramidLike<ImagePyramid>);
 using PatchMatch = dynslam::PatchMatch<double>;
 using dynslam::PointPatch;
 
-[[nodiscard]] inline std::optional<Eigen::Matrix2d> patch_warp(const Pinhole<double>& camera,
-                                                               const PointPatch& patch,
-                                                               const Eigen::Vector3d& p_c,
-                                                               const Eigen::Matrix3d& R) {
-  const Eigen::Vector3d p_ref = camera.ray(patch.ideal.cast<double>()) * static_cast<double>(patch.depth);
-  return dynslam::patch_warp(camera, p_ref, p_c, R);
-}
-
 }  // namespace dynslam::runtime
