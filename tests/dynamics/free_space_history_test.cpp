@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "dynslam/geometry/pinhole.hpp"
+#include "equidistant_camera.hpp"
 #include "moving_scene.hpp"
 
 using namespace dynslam;

@@ -8,6 +8,7 @@
 
 #include "dynslam/geometry/brown_conrady.hpp"
 #include "dynslam/geometry/pinhole.hpp"
+#include "equidistant_camera.hpp"
 #include "moving_scene.hpp"
 #include "random.hpp"
 

@@ -10,6 +10,7 @@
 #include "dynslam/geometry/brown_conrady.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/image/image.hpp"
+#include "equidistant_camera.hpp"
 #include "moving_scene.hpp"
 #include "random.hpp"
 

@@ -5,49 +5,12 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <optional>
 #include <vector>
 
-#include "dynslam/concepts/camera.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/image/image.hpp"
 
 namespace dynslam::test {
-
-/// A camera that the library does not know: equidistant fisheye, |x - c| = f theta.
-template <class S>
-struct EquidistantCamera {
-  using ScalarType = S;
-  S f, cx, cy;
-  [[nodiscard]] std::optional<Eigen::Matrix<S, 2, 1>> project(const Eigen::Matrix<S, 3, 1>& p) const {
-    return project(p, nullptr);
-  }
-  [[nodiscard]] std::optional<Eigen::Matrix<S, 2, 1>> project(const Eigen::Matrix<S, 3, 1>& p,
-                                                              Eigen::Matrix<S, 2, 3>* J) const {
-    using std::atan2, std::sqrt;
-    const S r2 = p.x() * p.x() + p.y() * p.y(), r = sqrt(r2), n2 = r2 + p.z() * p.z();
-    if (!(S(1e-6) < p.z())) return std::nullopt;
-    const bool centre = r < S(1e-6) * p.z();
-    const S k = centre ? S(1) / p.z() : atan2(r, p.z()) / r;  // x = f k p_xy
-    if (J != nullptr) {
-      const S slope = centre ? S(0) : (p.z() / n2 - k) / r2;  // dk/dr over r
-      *J << f * (k + slope * p.x() * p.x()), f * slope * p.x() * p.y(), -f * p.x() / n2,
-          f * slope * p.x() * p.y(), f * (k + slope * p.y() * p.y()), -f * p.y() / n2;
-    }
-    return Eigen::Matrix<S, 2, 1>(f * k * p.x() + cx, f * k * p.y() + cy);
-  }
-  [[nodiscard]] std::optional<Eigen::Matrix<S, 3, 1>> unproject(const Eigen::Matrix<S, 2, 1>& x,
-                                                                const S& z) const {
-    using std::tan;
-    const Eigen::Matrix<S, 2, 1> d((x.x() - cx) / f, (x.y() - cy) / f);
-    const S theta = d.norm();
-    if (!(theta < S(1.5))) return std::nullopt;
-    const S k = theta < S(1e-6) ? S(1) : tan(theta) / theta;
-    return Eigen::Matrix<S, 3, 1>(d.x() * k * z, d.y() * k * z, z);
-  }
-};
-static_assert(DifferentiableCamera<EquidistantCamera<float>> &&
-              DifferentiableCamera<EquidistantCamera<double>>);
 
 /// An image that the library does not know: column after column, which no row pointer can give.
 template <class T>
