@@ -11,6 +11,7 @@
 
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/robust/t_distribution.hpp"
+#include "feature_cameras.hpp"
 #include "random.hpp"
 
 using namespace dynslam;
@@ -24,10 +25,10 @@ SE3<S> small(test::Rng& rng, double translation, double rotation) {
   return SE3<S>::exp(xi);
 }
 
-template <class S>
+template <class S, class Camera = Pinhole<S>>
 struct World {
   using Vector3 = Eigen::Matrix<S, 3, 1>;
-  Pinhole<S> camera{S(525), S(525), S(319.5), S(239.5)};
+  Camera camera = test::feature_camera<Camera>();
   DepthNoise<S> noise{S(0.004), S(0.008)};
   KeyframeMap<S> map;
   std::vector<SE3<S>> truth;
@@ -92,6 +93,24 @@ TEST_CASE_TEMPLATE("the newest keyframes and their points are put right, wrong s
   CHECK(std::count(doubted.begin() + 20, doubted.end(), -1) < 10);
   const auto& seen_by = w.map.points()[0].keyframes;
   CHECK(std::find(seen_by.begin(), seen_by.end(), 4) == seen_by.end());
+}
+
+TEST_CASE_TEMPLATE("a window of features in the pixels of any camera is put right alike", Camera,
+                   DYNSLAM_FISHEYES) {
+  using S = typename Camera::ScalarType;
+  test::Rng rng("local bundle of a fisheye");
+  World<S, Camera> w(rng, 20);
+  BundleWindow<S> window;
+  window.collect(w.map, w.noise);
+  REQUIRE(w.adjust(window).ok());
+  (void)window.apply(w.camera, w.map);
+  for (std::size_t k = 0; k < w.truth.size(); ++k) {
+    CAPTURE(k);
+    CHECK((w.map.keyframes()[k].frame.T_c_w * w.truth[k].inverse()).translation().norm() < S(0.004));
+  }
+  const auto& doubted = w.map.keyframes()[4].frame.point;
+  CHECK(std::count(doubted.begin(), doubted.begin() + 20, -1) == 20);
+  CHECK(std::count(doubted.begin() + 20, doubted.end(), -1) < 10);
 }
 
 TEST_CASE_TEMPLATE("sights behind their camera do not stay in the map, and hide no others", S, float,

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "dynslam/geometry/pinhole.hpp"
+#include "feature_cameras.hpp"
 #include "round_room.hpp"
 
 using namespace dynslam;
@@ -48,6 +49,25 @@ TEST_CASE_TEMPLATE("coming around once more takes the drift out of the poses and
   // The ends are neighbours now: the same loop is not found again.
   room.index.add(last, room.map.keyframe(last).frame);
   CHECK_FALSE(closer.close(room.map, room.index, last, room.depth(room.truth.back())));
+}
+
+TEST_CASE_TEMPLATE("a loop closes on features in the pixels of any camera, such as a fisheye", Camera,
+                   DYNSLAM_FISHEYES) {
+  using S = typename Camera::ScalarType;
+  test::RoundRoom<Camera> room(test::feature_camera<Camera>());
+  LoopCloser<Camera> closer(room.camera, room.camera, room.noise);
+  for (int k = 0; k < 36; ++k) {
+    const int id = room.add();
+    room.index.add(id, room.map.keyframe(id).frame);
+  }
+  const int last = room.add();
+  const S drifted = room.error(0, last);
+  const double doubted = room.doubted_sights();
+  const auto closing = closer.close(room.map, room.index, last, room.depth(room.truth.back()));
+  REQUIRE(closing);
+  CHECK(room.error(closing->seen_again, last) < S(0.2) * drifted);
+  CHECK(closing->merged > 100);
+  CHECK(room.doubted_sights() < doubted + 0.02);
 }
 
 TEST_CASE_TEMPLATE("a copy of a place elsewhere in the room is no loop", S, float, double) {

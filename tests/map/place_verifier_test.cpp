@@ -8,6 +8,7 @@
 
 #include "dynslam/geometry/pinhole.hpp"
 #include "equidistant_camera.hpp"
+#include "feature_cameras.hpp"
 #include "round_room.hpp"
 
 using namespace dynslam;
@@ -79,4 +80,23 @@ TEST_CASE_TEMPLATE("the depth image may be that of any camera, such as a fisheye
     for (int u = 0; u < farther.width(); ++u) farther(u, v) *= 1.5F;
   }
   CHECK(verifier.verify(room.map, frame, farther, 1).status == PlaceStatus::contradicted);
+}
+
+TEST_CASE_TEMPLATE("features may be in the pixels of any camera, such as a fisheye", Camera,
+                   DYNSLAM_FISHEYES) {
+  using S = typename Camera::ScalarType;
+  test::RoundRoom<Camera> room(test::feature_camera<Camera>());
+  room.drift.setZero();
+  for (int k = 0; k < 4; ++k) (void)room.add();
+  PlaceVerifier<Camera> verifier(room.camera, room.camera, room.noise);
+  const Frame<S> frame = room.map.keyframe(3).frame;
+  Image<float> depth = room.depth(room.truth[3]);
+  const auto found = verifier.verify(room.map, frame, depth, 1);
+  REQUIRE(found.ok());
+  CHECK(found.matches.size() > 100);
+  CHECK((found.T_c_w * room.truth[3].inverse()).translation().norm() < S(0.01));
+  for (int v = 0; v < depth.height(); ++v) {
+    for (int u = 0; u < depth.width(); ++u) depth(u, v) *= 1.5F;
+  }
+  CHECK(verifier.verify(room.map, frame, depth, 1).status == PlaceStatus::contradicted);
 }

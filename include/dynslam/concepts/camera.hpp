@@ -31,4 +31,11 @@ concept DifferentiableCamera = CameraModel<C> &&
   { camera.project(p, J) } -> std::same_as<std::optional<Eigen::Matrix<typename C::ScalarType, 2, 1>>>;
 };
 
+/// A camera over the scalar S.
+template <class C, class S>
+concept CameraOf = CameraModel<C> && std::same_as<typename C::ScalarType, S>;
+/// The same with a derivative of its projection.
+template <class C, class S>
+concept DifferentiableCameraOf = DifferentiableCamera<C> && std::same_as<typename C::ScalarType, S>;
+
 }  // namespace dynslam

@@ -25,7 +25,7 @@ struct PointPatch {
   Eigen::Vector2f centre = Eigen::Vector2f::Zero();  ///< where in `grey` the point lies
   std::int16_t level = -1;                           ///< pyramid level; -1: no patch (too near the border)
   int keyframe = -1;                                 ///< which image it is from; the owner's number
-  Eigen::Vector2f ideal = Eigen::Vector2f::Zero();   ///< undistorted pixel in that image
+  Eigen::Vector2f ideal = Eigen::Vector2f::Zero();   ///< Feature::x, y in that image
   float depth = 0;                                   ///< and depth there [m]
 };
 

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "dynslam/concepts/camera.hpp"
 #include "dynslam/features/feature.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/image/depth.hpp"
@@ -27,11 +28,11 @@ struct MatchedPoseOptions {
 };
 
 /// The pose that a frame's matches with the map say, those on its dynamic flags left out.
-template <std::floating_point S>
+/// @tparam Camera  of the pixels Feature::x, y: the ideal pinhole, or any other in whose pixels they are
+template <std::floating_point S, DifferentiableCameraOf<S> Camera = Pinhole<S>>
 class MatchedPose {
  public:
-  /// @param camera  of the pixels Feature::x, y
-  explicit MatchedPose(const Pinhole<S>& camera, const MatchedPoseOptions<S>& options = {})
+  explicit MatchedPose(const Camera& camera, const MatchedPoseOptions<S>& options = {})
       : camera_(camera), options_(options) {}
 
   /// Collects what the matches tell. The calls below that take no map go by the last collection.
@@ -83,7 +84,7 @@ class MatchedPose {
   }
 
  private:
-  Pinhole<S> camera_;
+  Camera camera_;
   MatchedPoseOptions<S> options_;
   std::vector<PoseObservation<S>> observations_;
   std::vector<int> feature_;  // of observations_
@@ -91,5 +92,11 @@ class MatchedPose {
   PoseWorkspace<S> workspace_;
   PoseConsensusWorkspace consensus_;
 };
+
+template <DifferentiableCamera Camera>
+MatchedPose(const Camera&) -> MatchedPose<typename Camera::ScalarType, Camera>;
+template <DifferentiableCamera Camera>
+MatchedPose(const Camera&, const MatchedPoseOptions<typename Camera::ScalarType>&)
+    -> MatchedPose<typename Camera::ScalarType, Camera>;
 
 }  // namespace dynslam

@@ -5,9 +5,11 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
+#include "dynslam/concepts/camera.hpp"
 #include "dynslam/config.hpp"
 #include "dynslam/features/feature.hpp"
 #include "dynslam/features/patch_matcher.hpp"
@@ -33,14 +35,15 @@ struct PointMakerOptions {
 };
 
 /// Makes the map points of a new keyframe from the depth of its features, and keeps those it sees up to date.
-template <std::floating_point S>
+/// A feature whose pixel has no ray (beyond the field of a lens) has no depth to go by.
+/// @tparam Camera  of the pixels Feature::x, y: the ideal pinhole, or any other in whose pixels they are
+template <std::floating_point S, CameraOf<S> Camera = Pinhole<S>>
 class PointMaker {
  public:
   using Vector3 = Eigen::Matrix<S, 3, 1>;
 
-  /// @param camera         of the pixels Feature::x, y
   /// @param width, height  of the recorded images [px]
-  PointMaker(const Pinhole<S>& camera, int width, int height, const PointMakerOptions<S>& options = {})
+  PointMaker(const Camera& camera, int width, int height, const PointMakerOptions<S>& options = {})
       : camera_(camera),
         options_(options),
         columns_(static_cast<int>(static_cast<float>(width) / options.spacing) + 1),
@@ -78,15 +81,15 @@ class PointMaker {
     for (std::size_t i = 0; i < frame.features.size(); ++i) {
       const Feature& f = frame.features[i];
       if (frame.dynamic[i] != 0) continue;
-      const bool has_depth = f.depth > 0 && static_cast<S>(f.depth) <= options_.max_depth;
+      const std::optional<Vector3> p_c = measured(f);
       if (frame.point[i] >= 0) {
         ++tracked;
-        update(map, map.point(frame.point[i]), f, has_depth, T_w_c, pyramid);
+        update(map, map.point(frame.point[i]), f, p_c, T_w_c, pyramid);
         continue;
       }
-      if (!has_depth || trusted_[i] == 0 || occupied_[cell_of(f)] != 0) continue;
+      if (!p_c || trusted_[i] == 0 || occupied_[cell_of(f)] != 0) continue;
       occupied_[cell_of(f)] = 1;
-      frame.point[i] = map.add_point(point(map, frame, i, T_w_c, pyramid));
+      frame.point[i] = map.add_point(point(map, frame, i, *p_c, T_w_c, pyramid));
       ++tracked;
     }
     return tracked;
@@ -105,29 +108,31 @@ class PointMaker {
     }
   }
 
-  [[nodiscard]] Vector3 world(const Feature& f, const SE3<S>& T_w_c) const {
-    const Eigen::Matrix<S, 2, 1> x(static_cast<S>(f.x), static_cast<S>(f.y));
-    return T_w_c * Vector3(camera_.ray(x) * static_cast<S>(f.depth));
+  /// What a feature shows, in the camera's frame; nullopt without a depth, or one too far to be of use.
+  [[nodiscard]] std::optional<Vector3> measured(const Feature& f) const {
+    if (!(f.depth > 0 && static_cast<S>(f.depth) <= options_.max_depth)) return std::nullopt;
+    return camera_.unproject({static_cast<S>(f.x), static_cast<S>(f.y)}, static_cast<S>(f.depth));
   }
 
   template <class Map, class Point, ImagePyramidLike P>
-  void update(const Map& map, Point& p, const Feature& f, bool has_depth, const SE3<S>& T_w_c,
-              const P& pyramid) const {
+  void update(const Map& map, Point& p, const Feature& f, const std::optional<Vector3>& p_c,
+              const SE3<S>& T_w_c, const P& pyramid) const {
     p.viewing += (p.p_w - T_w_c.translation()).normalized();
-    if (has_depth && options_.average) {
+    if (p_c && options_.average) {
       const S information = options_.depth_noise.information(static_cast<S>(f.depth));
-      p.p_w = (p.information * p.p_w + information * world(f, T_w_c)) / (p.information + information);
+      p.p_w = (p.information * p.p_w + information * (T_w_c * *p_c)) / (p.information + information);
       p.information += information;
     }
-    if (has_depth && needs_patch(map, p, T_w_c)) cut(map, p, f, pyramid);
+    if (p_c && needs_patch(map, p, T_w_c)) cut(map, p, f, pyramid);
   }
 
   template <class Map, ImagePyramidLike P>
   [[nodiscard]] typename Map::PointType point(const Map& map, const Frame<S>& frame, std::size_t i,
-                                              const SE3<S>& T_w_c, const P& pyramid) const {
+                                              const Vector3& p_c, const SE3<S>& T_w_c,
+                                              const P& pyramid) const {
     const Feature& f = frame.features[i];
     typename Map::PointType p;
-    p.p_w = world(f, T_w_c);
+    p.p_w = T_w_c * p_c;
     p.viewing = (p.p_w - T_w_c.translation()).normalized();
     p.descriptor = frame.descriptors[i];
     p.information = options_.depth_noise.information(static_cast<S>(f.depth));
@@ -161,11 +166,17 @@ class PointMaker {
     p.patch = patch;
   }
 
-  Pinhole<S> camera_;
+  Camera camera_;
   PointMakerOptions<S> options_;
   int columns_, rows_;                  // of the grid on which points keep their distance
   std::vector<std::uint8_t> occupied_;  // per cell
   std::vector<std::uint8_t> trusted_;   // per feature
 };
+
+template <CameraModel Camera>
+PointMaker(const Camera&, int, int) -> PointMaker<typename Camera::ScalarType, Camera>;
+template <CameraModel Camera>
+PointMaker(const Camera&, int, int, const PointMakerOptions<typename Camera::ScalarType>&)
+    -> PointMaker<typename Camera::ScalarType, Camera>;
 
 }  // namespace dynslam

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <concepts>
 #include <limits>
 #include <type_traits>
 
@@ -10,13 +9,6 @@
 #include "dynslam/concepts/scalar.hpp"
 
 namespace dynslam {
-
-/// A camera over the scalar S.
-template <class C, class S>
-concept CameraOf = CameraModel<C> && std::same_as<typename C::ScalarType, S>;
-/// The same with a derivative of its projection.
-template <class C, class S>
-concept DifferentiableCameraOf = DifferentiableCamera<C> && std::same_as<typename C::ScalarType, S>;
 
 /// A known point seen at a pixel, with a measured depth where there is one.
 template <Scalar S>
