@@ -14,7 +14,7 @@
 #include "dynslam/geometry/rigid_alignment.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/optim/pose_residual.hpp"
-#include "dynslam/robust/split_mix64.hpp"
+#include "dynslam/robust/consensus.hpp"
 
 namespace dynslam {
 
@@ -73,14 +73,21 @@ template <std::floating_point S, class Camera>
   return horn_alignment<S>(mapped, measured);
 }
 
-/// How many samples are needed to draw one without an outlier, with the given confidence.
-template <std::floating_point S>
-[[nodiscard]] int samples_needed(S inlier_share, S confidence, int at_most) {
-  const S all_good = inlier_share * inlier_share * inlier_share;
-  if (all_good >= S(1)) return 0;
-  if (!(all_good > S(0))) return at_most;
-  const S wanted = std::log(S(1) - confidence) / std::log(S(1) - all_good);
-  return wanted < static_cast<S>(at_most) ? static_cast<int>(std::ceil(wanted)) : at_most;
+/// Truncated cost and inliers of a pose. @return false, and the sums unfinished, as soon as it costs `most`
+template <std::floating_point S, class Camera>
+bool truncated_cost(const Camera& camera, const SE3<S>& T_c_w,
+                    std::span<const PoseObservation<S>> observations, S truncation, S most, S& cost,
+                    int& inliers) {
+  const auto motion = T_c_w.isometry();
+  cost = S(0);
+  inliers = 0;
+  for (const PoseObservation<S>& o : observations) {
+    const S e = std::min(truncation, observation_chi2(camera, motion, o));
+    inliers += e < truncation ? 1 : 0;
+    cost += e;
+    if (cost >= most) return false;
+  }
+  return cost < most;
 }
 
 }  // namespace detail
@@ -104,31 +111,28 @@ template <std::floating_point S, CameraOf<S> Camera>
   const std::size_t n = workspace.measured.size();
   if (n < 3) return best;
   best.status = AbsolutePoseStatus::no_consensus;
-  SplitMix64 random(options.seed);
-  const auto draw = [&] { return workspace.measured[random.index(n)]; };
-  for (int needed = options.hypotheses; best.hypotheses < needed;) {
-    ++best.hypotheses;
-    const std::array<std::size_t, 3> sample{draw(), draw(), draw()};
-    if (sample[0] == sample[1] || sample[0] == sample[2] || sample[1] == sample[2]) continue;
-    const auto T = detail::pose_of_sample<S>(camera, observations, sample, options.truncation);
-    if (!T) continue;
-    const auto motion = T->isometry();
-    S cost = S(0);
-    int inliers = 0;
-    for (const PoseObservation<S>& o : observations) {
-      const S e = std::min(options.truncation, observation_chi2(camera, motion, o));
-      inliers += e < options.truncation ? 1 : 0;
-      cost += e;
-      if (cost >= best.cost) break;
-    }
-    if (cost >= best.cost) continue;
-    best.status = AbsolutePoseStatus::found;
-    best.cost = cost;
-    best.T_c_w = *T;
-    best.inliers = inliers;
-    needed = detail::samples_needed(static_cast<S>(inliers) / static_cast<S>(observations.size()),
-                                    options.confidence, needed);
-  }
+  const SamplingOptions<S> sampling{options.hypotheses, options.confidence, options.seed};
+  best.hypotheses = sample_consensus<3, S>(
+      sampling,
+      [&](SplitMix64& random, std::array<std::size_t, 3>& sample) {
+        for (std::size_t& k : sample) k = workspace.measured[random.index(n)];
+        return sample[0] != sample[1] && sample[0] != sample[2] && sample[1] != sample[2];
+      },
+      [&](const std::array<std::size_t, 3>& sample, const auto& consider) {
+        if (const auto T = detail::pose_of_sample<S>(camera, observations, sample, options.truncation))
+          consider(*T);
+      },
+      [&](const SE3<S>& T) -> std::optional<S> {
+        S cost;
+        int inliers;
+        if (!detail::truncated_cost<S>(camera, T, observations, options.truncation, best.cost, cost, inliers))
+          return std::nullopt;
+        best.status = AbsolutePoseStatus::found;
+        best.cost = cost;
+        best.T_c_w = T;
+        best.inliers = inliers;
+        return static_cast<S>(inliers) / static_cast<S>(observations.size());
+      });
   return best;
 }
 

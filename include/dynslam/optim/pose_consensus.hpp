@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <type_traits>
 #include <vector>
@@ -16,7 +17,7 @@
 #include "dynslam/optim/pose_equations.hpp"
 #include "dynslam/optim/pose_residual.hpp"
 #include "dynslam/optim/surface_weights.hpp"
-#include "dynslam/robust/split_mix64.hpp"
+#include "dynslam/robust/consensus.hpp"
 
 namespace dynslam {
 
@@ -70,13 +71,12 @@ class PoseConsensusSearch {
         predicted_(T_c_w_predicted),
         T_w_predicted_(T_c_w_predicted.inverse()),
         options_(options),
-        best_(best),
-        random_(options.seed) {
+        best_(best) {
     for (std::size_t k = 0; k < observations_.size(); ++k) prior_weight_ += options_.prior_share * weight(k);
     if (!weights_.empty()) heaviest_ = *std::max_element(weights_.begin(), weights_.end());
   }
 
-  /// Makes a pose the best one if it is.
+  /// Makes a pose the best one if it is. @return whether it is
   bool judge(const SE3<S>& T) {
     const auto motion = T.isometry();
     S cost = prior_weight_ > S(0) ? prior_weight_ * std::min(options_.truncation, prior_chi2(T)) : S(0);
@@ -93,31 +93,45 @@ class PoseConsensusSearch {
     return true;
   }
 
-  /// Proposes the pose of a random sample.
-  void try_sample() {
-    std::array<std::size_t, kSample> sample{};
-    for (std::size_t k = 0; k < kSample; ++k) {
-      const auto drawn = sample.begin() + static_cast<std::ptrdiff_t>(k);
-      do {
-        sample[k] = draw_observation();
-      } while (std::find(sample.begin(), drawn, sample[k]) != drawn);
-    }
+  /// Proposes the poses of random samples, and refines each that is better than all before.
+  /// @return samples tried
+  int sample() {
+    const SamplingOptions<S> all{options_.hypotheses, S(0), options_.seed};
+    return sample_consensus<kSample, S>(
+        all,
+        [this](SplitMix64& random, Sample& sample) {
+          draw_distinct([&] { return draw_observation(random); }, sample);
+          return true;
+        },
+        [this](const Sample& sample, const auto& consider) {
+          if (const auto T = pose_of(sample)) consider(*T);
+        },
+        [this](const SE3<S>& T) -> std::optional<S> {
+          if (!judge(T)) return std::nullopt;
+          refine();
+          return static_cast<S>(best_.inliers) / static_cast<S>(observations_.size());
+        });
+  }
+
+ private:
+  using Motion = Eigen::Transform<S, 3, Eigen::Isometry>;
+  using Sample = std::array<std::size_t, kSample>;
+
+  /// The pose of a sample, from the predicted one; nullopt where it determines none.
+  [[nodiscard]] std::optional<SE3<S>> pose_of(const Sample& sample) {
     SE3<S> T = predicted_;
     for (int i = 0; i < options_.iterations; ++i) {
       sums_.set_zero();
       const Motion motion = T.isometry();
       for (const std::size_t k : sample) {
-        if (!add(observations_[k], motion, std::numeric_limits<S>::infinity())) return;
+        if (!add(observations_[k], motion, std::numeric_limits<S>::infinity())) return std::nullopt;
       }
       Eigen::Matrix<S, 6, 1> step;
-      if (!solve(step)) return;
+      if (!solve(step)) return std::nullopt;
       T = SE3<S>::exp(step) * T;
     }
-    if (judge(T)) refine();
+    return T;
   }
-
- private:
-  using Motion = Eigen::Transform<S, 3, Eigen::Isometry>;
 
   [[nodiscard]] S weight(std::size_t k) const { return weights_.empty() ? S(1) : weights_[k]; }
   [[nodiscard]] S prior_chi2(const SE3<S>& T) const {
@@ -149,12 +163,12 @@ class PoseConsensusSearch {
   }
 
   /// By weight.
-  [[nodiscard]] std::size_t draw_observation() {
+  [[nodiscard]] std::size_t draw_observation(SplitMix64& random) const {
     constexpr int kRefusals = 1000;  // weights that differ by more than this are no longer told apart
     std::size_t k = 0;
     for (int trial = 0; trial < kRefusals; ++trial) {
-      k = random_.index(observations_.size());
-      if (weights_.empty() || random_.template unit<S>() * heaviest_ < weights_[k]) break;
+      k = random.index(observations_.size());
+      if (weights_.empty() || random.template unit<S>() * heaviest_ < weights_[k]) break;
     }
     return k;
   }
@@ -166,7 +180,6 @@ class PoseConsensusSearch {
   SE3<S> T_w_predicted_;
   const PoseConsensusOptions<S>& options_;
   PoseConsensusResult<S>& best_;
-  SplitMix64 random_;
   S prior_weight_ = S(0), heaviest_ = S(1);
   NormalEquations<S, 6> system_;
   PoseEquations<S> sums_;
@@ -209,7 +222,7 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera>
   for (const SE3<S>& T : alternatives) search.judge(T);
   if (observations.size() >= search.kSample) {
     best.status = PoseConsensusStatus::found;
-    for (; best.hypotheses < options.hypotheses; ++best.hypotheses) search.try_sample();
+    best.hypotheses = search.sample();
   }
   const auto motion = best.T_c_w.isometry();
   for (std::size_t k = 0; k < observations.size(); ++k) {

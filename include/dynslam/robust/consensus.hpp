@@ -36,19 +36,25 @@ template <std::size_t K, std::floating_point S>
   return wanted < static_cast<S>(most) ? static_cast<int>(wanted) : most;
 }
 
-/// K different indices below n, all equally likely. Requires n >= K.
-template <std::size_t K>
-void draw_distinct(SplitMix64& random, std::size_t n, std::array<std::size_t, K>& sample) {
+/// K different indices; `one()` draws an index, of which there must be K or more.
+template <std::size_t K, std::invocable One>
+void draw_distinct(One&& one, std::array<std::size_t, K>& sample) {
   for (std::size_t k = 0; k < K; ++k) {
     const auto end = sample.begin() + static_cast<std::ptrdiff_t>(k);
     do {
-      sample[k] = static_cast<std::size_t>(random.below(static_cast<int>(n)));
+      sample[k] = one();
     } while (std::find(sample.begin(), end, sample[k]) != end);
   }
 }
+/// K different indices below n, all equally likely. Requires n >= K.
+template <std::size_t K>
+void draw_distinct(SplitMix64& random, std::size_t n, std::array<std::size_t, K>& sample) {
+  draw_distinct([&] { return static_cast<std::size_t>(random.below(static_cast<int>(n))); }, sample);
+}
 
 /// The one loop of sampling consensus (RANSAC, MSAC, LO-RANSAC): draws minimal samples from a seeded
-/// generator, has each solved and judged, and stops once the best one's inliers make a better unlikely.
+/// generator, has each solved and judged, and stops once the best one's inliers make a better unlikely. F and
+/// H (inlier_consensus), absolute_pose and pose_consensus run in it.
 ///
 /// @param draw   draw(random, sample) -> bool: fills std::array<std::size_t, K>; false spends the iteration
 ///               (a repeated index, say). draw_distinct() is the usual one; weights or a subset of the
@@ -59,10 +65,6 @@ void draw_distinct(SplitMix64& random, std::size_t n, std::array<std::size_t, K>
 ///               judge keeps it, may refine it on its inliers, and answers with its share of inliers. A cost
 ///               that is summed may end early as soon as it exceeds the best (early exit).
 /// @return iterations done
-///
-/// absolute_pose: K = 3, draw from the matches with depth, refuse repeated indices; solve by three-point
-/// alignment where the lengths agree; judge by truncated cost. pose_consensus: K = 3, draw by weight, solve
-/// by Gauss-Newton, judge with refinement and confidence 0, as all samples are wanted.
 template <std::size_t K, std::floating_point S, class Draw, class Solve, class Judge>
 int sample_consensus(const SamplingOptions<S>& options, Draw&& draw, Solve&& solve, Judge&& judge) {
   SplitMix64 random(options.seed);
