@@ -5,6 +5,8 @@
 
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <type_traits>
 
 using namespace dynslam;
 
@@ -108,4 +110,78 @@ TEST_CASE_TEMPLATE("a system without solution stalls, or ends at once where that
   result = levenberg_marquardt(valley, valley.cost(), options);
   CHECK(result.status == LevenbergMarquardtStatus::max_iterations);
   CHECK(result.iterations == 0);
+}
+
+namespace {
+
+template <class S>
+struct ValleyOptions {
+  int max_iterations = 300;
+  S initial_damping = S(1e-4), min_damping = S(1e-9);
+};
+template <class S>
+struct StiffValleyOptions : ValleyOptions<S> {
+  S min_refused_damping = S(1e-5), max_damping = S(1e6);
+};
+enum class ValleyStatus { converged, max_iterations, stalled, too_small };
+template <class S>
+struct ValleyResult {
+  ValleyStatus status = ValleyStatus::too_small;
+  S initial_cost = S(0), final_cost = S(0);
+  int iterations = 0;
+};
+/// The valley as an estimator has it.
+template <class S>
+struct PreparedValley : Valley<S> {
+  std::optional<ValleyStatus> against;
+  S at_start = S(0);
+  [[nodiscard]] std::optional<ValleyStatus> prepare() const { return against; }
+  [[nodiscard]] S start() const { return at_start; }
+};
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("the damping of an estimator's options is passed on, and defaults where it has none", S,
+                   float, double) {
+  const auto few = damping_of<S>(ValleyOptions<S>{});
+  CHECK(few.max_iterations == 300);
+  CHECK(few.initial_damping == S(1e-4));
+  CHECK(few.min_damping == S(1e-9));
+  CHECK(few.min_refused_damping == S(0));
+  CHECK(few.max_damping == S(1e8));
+  CHECK_FALSE(few.stop_unsolvable);
+  const auto all = damping_of<S>(StiffValleyOptions<S>{});
+  CHECK(all.min_refused_damping == S(1e-5));
+  CHECK(all.max_damping == S(1e6));
+}
+
+TEST_CASE("a status with fewer names calls what stalled a limit of iterations") {
+  enum class Short { converged, max_iterations };
+  using Status = LevenbergMarquardtStatus;
+  CHECK(status_of<ValleyStatus>(Status::converged) == ValleyStatus::converged);
+  CHECK(status_of<ValleyStatus>(Status::stalled) == ValleyStatus::stalled);
+  CHECK(status_of<ValleyStatus>(Status::max_iterations) == ValleyStatus::max_iterations);
+  CHECK(status_of<Short>(Status::converged) == Short::converged);
+  CHECK(status_of<Short>(Status::stalled) == Short::max_iterations);
+}
+
+TEST_CASE_TEMPLATE("an estimator tells what stands against its problem, a cost without end, or its minimum",
+                   S, float, double) {
+  PreparedValley<S> valley;
+  valley.at_start = valley.cost();
+  const ValleyOptions<S> options;
+  const auto found = minimise<ValleyResult<S>, S>(valley, options);
+  CHECK(found.status == ValleyStatus::converged);
+  CHECK(found.initial_cost == valley.at_start);
+  CHECK(found.final_cost == valley.cost());
+  CHECK(found.final_cost < found.initial_cost);
+  CHECK(found.iterations > 0);
+  PreparedValley<S> refused;
+  refused.against = ValleyStatus::stalled;
+  CHECK(minimise<ValleyResult<S>, S>(refused, options).status == ValleyStatus::stalled);
+  PreparedValley<S> endless;
+  endless.at_start = std::numeric_limits<S>::infinity();
+  const auto none = minimise<ValleyResult<S>, S>(endless, options);
+  CHECK(none.status == ValleyStatus::too_small);
+  CHECK(none.iterations == 0);
 }

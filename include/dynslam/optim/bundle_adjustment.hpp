@@ -346,27 +346,8 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera, RobustKernel<
 BundleResult<S> bundle_adjust(const Camera& camera, const BundleProblem<S>& problem,
                               const BundleOptions<S>& options, const Kernel& kernel,
                               BundleWorkspace<S>& workspace) {
-  BundleResult<S> result;
   detail::BundleSolver<S, Camera, Kernel> solver(camera, problem, options, kernel, workspace);
-  if (const auto refused = solver.prepare()) {
-    result.status = *refused;
-    return result;
-  }
-  result.initial_cost = result.final_cost = solver.start();
-  if (!std::isfinite(result.initial_cost)) return result;
-  LevenbergMarquardtOptions<S> damping;
-  damping.max_iterations = options.max_iterations;
-  damping.initial_damping = options.initial_damping;
-  damping.min_damping = options.min_damping;
-  damping.max_damping = options.max_damping;
-  const auto minimum = levenberg_marquardt(solver, result.initial_cost, damping);
-  result.final_cost = minimum.cost;
-  result.iterations = minimum.iterations;
-  using Status = LevenbergMarquardtStatus;
-  result.status = minimum.status == Status::converged ? BundleStatus::converged
-                  : minimum.status == Status::stalled ? BundleStatus::stalled
-                                                      : BundleStatus::max_iterations;
-  return result;
+  return minimise<BundleResult<S>, S>(solver, options);
 }
 
 /// The same for those who try it once: memory of its own, a t-distribution.

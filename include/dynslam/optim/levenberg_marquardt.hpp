@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <concepts>
 #include <cstdint>
 #include <limits>
@@ -83,6 +84,52 @@ LevenbergMarquardtResult<S> levenberg_marquardt(Problem& problem, S cost,
     }
   }
   result.cost = cost;
+  return result;
+}
+
+/// The damping in the options of an estimator, whose fields bear the names of LevenbergMarquardtOptions;
+/// where one is missing its default holds.
+template <std::floating_point S, class Options>
+[[nodiscard]] LevenbergMarquardtOptions<S> damping_of(const Options& options) {
+  LevenbergMarquardtOptions<S> damping;
+  damping.max_iterations = options.max_iterations;
+  damping.initial_damping = options.initial_damping;
+  damping.min_damping = options.min_damping;
+  if constexpr (requires { options.min_refused_damping; })
+    damping.min_refused_damping = options.min_refused_damping;
+  if constexpr (requires { options.max_damping; }) damping.max_damping = options.max_damping;
+  return damping;
+}
+
+/// How a minimisation ended as the status of an estimator, whose enumerators bear the same names. Without
+/// `stalled` among them it counts as max_iterations.
+template <class Status>
+[[nodiscard]] constexpr Status status_of(LevenbergMarquardtStatus minimum) {
+  if (minimum == LevenbergMarquardtStatus::converged) return Status::converged;
+  if constexpr (requires { Status::stalled; }) {
+    if (minimum == LevenbergMarquardtStatus::stalled) return Status::stalled;
+  }
+  return Status::max_iterations;
+}
+
+/// An estimator from start to end: what stands against the problem (`prepare`, which answers with a status or
+/// nothing), its cost at the start, the minimum.
+/// @tparam Result  has status, initial_cost, final_cost and iterations; as it is by default where the cost at
+///                 the start is not finite
+template <class Result, std::floating_point S, class Problem, class Options>
+  requires LeastSquaresProblem<Problem, S>
+[[nodiscard]] Result minimise(Problem& problem, const Options& options) {
+  Result result;
+  if (const auto refused = problem.prepare()) {
+    result.status = *refused;
+    return result;
+  }
+  result.initial_cost = result.final_cost = problem.start();
+  if (!std::isfinite(result.initial_cost)) return result;
+  const auto minimum = levenberg_marquardt(problem, result.initial_cost, damping_of<S>(options));
+  result.final_cost = minimum.cost;
+  result.iterations = minimum.iterations;
+  result.status = status_of<decltype(result.status)>(minimum.status);
   return result;
 }
 

@@ -224,10 +224,7 @@ PoseResult<S> optimize_pose(const Camera& camera,
   if (observations.size() < static_cast<std::size_t>(options.min_observations))
     return fail(PoseStatus::too_few_observations);
 
-  LevenbergMarquardtOptions<S> damping;
-  damping.max_iterations = options.max_iterations;
-  damping.initial_damping = options.initial_damping;
-  damping.min_damping = options.min_damping;
+  auto damping = damping_of<S>(options);
   damping.max_damping = std::numeric_limits<S>::infinity();  // the few iterations of a round are the limit
   damping.stop_unsolvable = true;                            // the observations do not determine the pose
   detail::PoseProblem<S, Camera, Kernel> problem(camera, observations, T_c_w_initial, options, kernel,
@@ -238,8 +235,7 @@ PoseResult<S> optimize_pose(const Camera& camera,
     const auto minimum = levenberg_marquardt(problem, cost, damping);
     result.iterations += minimum.iterations;
     if (minimum.status == LevenbergMarquardtStatus::unsolvable) return fail(PoseStatus::degenerate);
-    result.status = minimum.status == LevenbergMarquardtStatus::converged ? PoseStatus::converged
-                                                                          : PoseStatus::max_iterations;
+    result.status = status_of<PoseStatus>(minimum.status);
     result.inliers = problem.classify(result.cost);
     if (result.inliers < options.min_observations) return fail(PoseStatus::too_few_observations);
     result.T_c_w = problem.pose();

@@ -128,6 +128,9 @@ class PoseGraphSolver {
     return std::nullopt;
   }
 
+  /// Cost at the start.
+  [[nodiscard]] S start() const { return cost(); }
+
   [[nodiscard]] S cost() const {
     S sum = S(0);
     for (const auto& e : graph_.edges) {
@@ -240,28 +243,8 @@ class PoseGraphSolver {
 template <std::floating_point S, RobustKernel<S> Kernel>
 PoseGraphResult<S> optimize_pose_graph(const PoseGraph<S>& graph, const PoseGraphOptions<S>& options,
                                        const Kernel& kernel, PoseGraphWorkspace<S>& workspace) {
-  PoseGraphResult<S> result;
   detail::PoseGraphSolver<S, Kernel> solver(graph, options, kernel, workspace);
-  if (const auto refused = solver.prepare()) {
-    result.status = *refused;
-    return result;
-  }
-  result.initial_cost = result.final_cost = solver.cost();
-  if (!std::isfinite(result.initial_cost)) return result;
-  LevenbergMarquardtOptions<S> damping;
-  damping.max_iterations = options.max_iterations;
-  damping.initial_damping = options.initial_damping;
-  damping.min_damping = options.min_damping;
-  damping.min_refused_damping = options.min_refused_damping;
-  damping.max_damping = options.max_damping;
-  const auto minimum = levenberg_marquardt(solver, result.initial_cost, damping);
-  result.final_cost = minimum.cost;
-  result.iterations = minimum.iterations;
-  using Status = LevenbergMarquardtStatus;
-  result.status = minimum.status == Status::converged ? PoseGraphStatus::converged
-                  : minimum.status == Status::stalled ? PoseGraphStatus::stalled
-                                                      : PoseGraphStatus::max_iterations;
-  return result;
+  return minimise<PoseGraphResult<S>, S>(solver, options);
 }
 
 /// The same with memory of its own.
