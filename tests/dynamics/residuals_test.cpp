@@ -46,12 +46,12 @@ std::array<S, 4> evaluate(const Scene& scene, const Camera& camera, const Eigen:
   const Eigen::Matrix<S, 2, 1> x = scene.x.cast<S>(), x_m = scene.x_m.cast<S>();
   const auto projected = camera.project(p);
   REQUIRE(projected);
-  const auto e_i = photometric_residual<S>(scene.reference, x, scene.current, *projected);
-  const auto e_d = depth_residual<S>(p, scene.depth, x_m);
+  const auto e_i = photometric_residual(scene.reference, x, scene.current, *projected);
+  const auto e_d = depth_residual(p, scene.depth, x_m);
   REQUIRE((e_i && e_d));
   KeypointResiduals<S> e;
   e.photometric = *e_i;
-  e.reprojection = reprojection_residual<S>(*projected, x_m);
+  e.reprojection = reprojection_residual(*projected, x_m);
   e.depth = *e_d;
   e.has_photometric = e.has_depth = true;
   const StaticWeightScales<S> scales{S(6.0), S(0.7), S(0.02)};
@@ -114,11 +114,24 @@ TEST_CASE_TEMPLATE("errors that cannot be measured are missing, not zero", S, fl
   const Image<float> gray = waves(0);
   Image<float> depth(64, 48, 2.0F);
   depth(10, 10) = 0;
-  CHECK_FALSE(photometric_residual<S>(gray, Vector2(-1, 3), gray, Vector2(3, 3)));
-  CHECK_FALSE(photometric_residual<S>(gray, Vector2(3, 3), gray, Vector2(63.5, 3)));
-  CHECK_FALSE(depth_residual<S>(Eigen::Matrix<S, 3, 1>(0, 0, 2), depth, Vector2(10, 10)));
-  CHECK_FALSE(depth_residual<S>(Eigen::Matrix<S, 3, 1>(0, 0, 2), depth, Vector2(S(-0.6), 10)));
-  CHECK_FALSE(depth_residual<S>(Eigen::Matrix<S, 3, 1>(0, 0, 2), depth,
-                                Vector2(std::numeric_limits<S>::quiet_NaN(), 10)));
-  CHECK(*depth_residual<S>(Eigen::Matrix<S, 3, 1>(0, 0, S(2.5)), depth, Vector2(11, 10)) == S(0.5));
+  CHECK_FALSE(photometric_residual(gray, Vector2(-1, 3), gray, Vector2(3, 3)));
+  CHECK_FALSE(photometric_residual(gray, Vector2(3, 3), gray, Vector2(63.5, 3)));
+  CHECK_FALSE(depth_residual(Eigen::Matrix<S, 3, 1>(0, 0, 2), depth, Vector2(10, 10)));
+  CHECK_FALSE(depth_residual(Eigen::Matrix<S, 3, 1>(0, 0, 2), depth, Vector2(S(-0.6), 10)));
+  CHECK_FALSE(depth_residual(Eigen::Matrix<S, 3, 1>(0, 0, 2), depth,
+                             Vector2(std::numeric_limits<S>::quiet_NaN(), 10)));
+  CHECK(*depth_residual(Eigen::Matrix<S, 3, 1>(0, 0, S(2.5)), depth, Vector2(11, 10)) == S(0.5));
+}
+
+TEST_CASE_TEMPLATE("positions may be expressions", S, float, double) {
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+  const Image<float> gray = waves(0);
+  const Image<float> depth(64, 48, 2.0F);
+  const Vector2 x(S(10.5), S(11.25));
+  const Vector3 p(S(0.1), S(0.2), S(2.5));
+  CHECK(*photometric_residual(gray, 2 * x, gray, p.template head<2>() + x) ==
+        *photometric_residual(gray, Vector2(2 * x), gray, Vector2(p.template head<2>() + x)));
+  CHECK(reprojection_residual(x + Vector2(S(3), S(4)), x) == doctest::Approx(5.0));
+  CHECK(*depth_residual(p + Vector3(S(0), S(0), S(1)), depth, x / 2) == S(1.5));
 }

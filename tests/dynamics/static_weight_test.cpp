@@ -41,18 +41,17 @@ TEST_CASE_TEMPLATE("a static point has no errors, a moved one has (Eqs 3, 5, 6)"
   const Eigen::Matrix<S, 2, 1> x(S(90), S(50));
   const Eigen::Matrix<S, 3, 1> p_c = wall.T_cur_ref * *wall.camera.unproject(x, S(2));
   const Eigen::Matrix<S, 2, 1> projected = *wall.camera.project(p_c);
-  CHECK(std::abs(*photometric_residual<S>(wall.reference, x, wall.current, projected)) < S(0.01));
-  CHECK(reprojection_residual<S>(projected, projected) == S(0));
-  CHECK(std::abs(*depth_residual<S>(p_c, wall.depth, projected)) < S(1e-5));
+  CHECK(std::abs(*photometric_residual(wall.reference, x, wall.current, projected)) < S(0.01));
+  CHECK(reprojection_residual(projected, projected) == S(0));
+  CHECK(std::abs(*depth_residual(p_c, wall.depth, projected)) < S(1e-5));
   const Eigen::Matrix<S, 2, 1> match = projected + Eigen::Matrix<S, 2, 1>(S(6), S(0));
-  CHECK(reprojection_residual<S>(projected, match) == doctest::Approx(6.0));
-  CHECK(*depth_residual<S>(Eigen::Matrix<S, 3, 1>(p_c + Eigen::Matrix<S, 3, 1>(S(0), S(0), S(0.3))),
-                           wall.depth, match) == doctest::Approx(0.3).epsilon(1e-4));
-  CHECK_FALSE(depth_residual<S>(p_c, wall.depth, Eigen::Matrix<S, 2, 1>(S(-3), S(10))));
+  CHECK(reprojection_residual(projected, match) == doctest::Approx(6.0));
+  CHECK(*depth_residual(Eigen::Matrix<S, 3, 1>(p_c + Eigen::Matrix<S, 3, 1>(S(0), S(0), S(0.3))), wall.depth,
+                        match) == doctest::Approx(0.3).epsilon(1e-4));
+  CHECK_FALSE(depth_residual(p_c, wall.depth, Eigen::Matrix<S, 2, 1>(S(-3), S(10))));
   Image<S> hole(160, 120, std::numeric_limits<S>::quiet_NaN());
-  CHECK_FALSE(depth_residual<S>(p_c, hole, projected));
-  CHECK_FALSE(
-      photometric_residual<S>(wall.reference, x, wall.current, Eigen::Matrix<S, 2, 1>(S(1000), S(0))));
+  CHECK_FALSE(depth_residual(p_c, hole, projected));
+  CHECK_FALSE(photometric_residual(wall.reference, x, wall.current, Eigen::Matrix<S, 2, 1>(S(1000), S(0))));
 }
 
 TEST_CASE_TEMPLATE("Eq (7): the joint weight, with errors that are missing", S, float, double) {

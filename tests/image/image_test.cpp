@@ -118,3 +118,12 @@ TEST_CASE_TEMPLATE("widened pixels are the pixels", S, float, double) {
   const auto wide = widen<S, 4>(words.data());
   for (std::size_t k = 0; k < 4; ++k) CHECK(wide[static_cast<Eigen::Index>(k)] == S(words[k]));
 }
+
+TEST_CASE("an image without a fill has zeros, and one of vectors nothing that was set") {
+  CHECK(Image<float>(3, 2)(2, 1) == 0.0F);
+  CHECK(Image<int>(3, 2, 7)(2, 1) == 7);
+  Image<Eigen::Vector3f> vectors(3, 2);
+  vectors.fill(Eigen::Vector3f(1, 2, 3));
+  CHECK(vectors(2, 1).z() == 3.0F);
+  CHECK(Image<Eigen::Vector3f>(3, 2, Eigen::Vector3f::Zero())(0, 0).isZero());
+}

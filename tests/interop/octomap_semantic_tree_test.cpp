@@ -90,7 +90,7 @@ TEST_CASE("rays pass the voxels of OctoMap's computeRayKeys, in its order") {
     REQUIRE(tree.computeRayKeys({a.x(), a.y(), a.z()}, {b.x(), b.y(), b.z()}, keys));
     std::vector<VoxelKey> expected, visited;
     for (const auto& key : keys) expected.push_back({{key[0], key[1], key[2]}});
-    REQUIRE(traverse_ray<float>(grid, a, b, [&](PackedKey key) { visited.push_back(unpack(key)); }));
+    REQUIRE(traverse_ray(grid, a, b, [&](PackedKey key) { visited.push_back(unpack(key)); }));
     CHECK(visited == expected);
   }
 }

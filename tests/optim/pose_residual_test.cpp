@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #if defined(__GNUC__) && !defined(__clang__)
-// g++ 12 takes fright at Eigen's atan2 of dual numbers, and at what a failed REQUIRE would leave unset.
+// g++ 12 takes fright at Eigen's atan2 of dual numbers.
 #pragma GCC diagnostic ignored "-Wuse-after-free"
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #endif
 #include "dynslam/optim/pose_residual.hpp"
 

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <set>
+#include <type_traits>
 #include <vector>
 
 #include "random.hpp"
@@ -88,7 +89,7 @@ TEST_CASE_TEMPLATE("a ray visits face neighbours from its first voxel to the las
   for (int k = 0; k < 500; ++k) {
     const auto a = random_point<S>(rng, 2.0), b = random_point<S>(rng, 2.0);
     std::vector<VoxelKey> visited;
-    REQUIRE(traverse_ray<S>(grid, a, b, [&](PackedKey key) { visited.push_back(unpack(key)); }));
+    REQUIRE(traverse_ray(grid, a, b, [&](PackedKey key) { visited.push_back(unpack(key)); }));
     REQUIRE(!visited.empty());
     CHECK(visited.front() == *grid.key(a));
     const auto steps = [](const VoxelKey& p, const VoxelKey& q) {
@@ -104,11 +105,11 @@ TEST_CASE_TEMPLATE("a ray visits face neighbours from its first voxel to the las
   }
   int count = 0;
   const Eigen::Matrix<S, 3, 1> p(S(0.01), S(0.01), S(0.01));
-  CHECK(traverse_ray<S>(grid, p, p, [&](PackedKey) { ++count; }));
+  CHECK(traverse_ray(grid, p, p, [&](PackedKey) { ++count; }));
   CHECK(count == 0);
-  CHECK_FALSE(traverse_ray<S>(grid, p, Eigen::Matrix<S, 3, 1>(S(1e6), 0, 0), [&](PackedKey) { ++count; }));
+  CHECK_FALSE(traverse_ray(grid, p, Eigen::Matrix<S, 3, 1>(S(1e6), 0, 0), [&](PackedKey) { ++count; }));
   CHECK(count == 0);
-  CHECK(traverse_ray<S>(grid, p, Eigen::Matrix<S, 3, 1>(S(1), 0, 0), [&](PackedKey) { return ++count < 3; }));
+  CHECK(traverse_ray(grid, p, Eigen::Matrix<S, 3, 1>(S(1), 0, 0), [&](PackedKey) { return ++count < 3; }));
   CHECK(count == 3);  // a visitor may stop
 }
 
@@ -127,7 +128,7 @@ TEST_CASE("each voxel of a scan is hit or missed once, and occupied wins") {
       CHECK(scan.add_end(p, 2, {10, 20, 30}) == first);
       ++samples;
       scan.carve(origin, p);
-      traverse_ray<float>(grid, origin, p, [&](PackedKey key) { passed.insert(unpack(key)); });
+      traverse_ray(grid, origin, p, [&](PackedKey key) { passed.insert(unpack(key)); });
     }
     scan.finish();
     for (const VoxelKey& key : ends) passed.erase(key);
@@ -182,4 +183,35 @@ TEST_CASE("of many rays that end in one voxel carve_once follows the first") {
   CHECK(scan.carve_once(Eigen::Vector3f(0.05F, 1.05F, 0.05F), end));
   scan.finish();
   CHECK(scan.misses() == 20);
+}
+
+TEST_CASE_TEMPLATE("points may be expressions, and those of ints or mixed scalars are refused", S, float,
+                   double) {
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+  const Vector3 origin(S(0.05), S(0.05), S(0.05)), step(S(0.5), S(0), S(0));
+  const VoxelGrid grid(0.1);
+  ScanVoxels scan(grid), plain(grid);
+  const Vector3 end = origin + 2 * step;
+  CHECK(plain.add_end(end, 1, {}));
+  CHECK(plain.carve(origin, end));
+  CHECK(scan.add_end(origin + 2 * step, 1, {}));
+  CHECK(scan.carve(origin, 2 * step + origin));
+  CHECK(scan.carve_once(origin + S(0) * step, origin + 2 * step));
+  plain.finish();
+  scan.finish();
+  CHECK(scan.hits() == plain.hits());
+  CHECK(scan.misses() == plain.misses());
+  int count = 0;
+  const auto visit = [&](PackedKey) { ++count; };
+  CHECK(traverse_ray(grid, origin + S(0) * step, (origin + step).eval(), visit));
+  CHECK(count == 5);
+  using Other = std::conditional_t<std::is_same_v<S, float>, Eigen::Vector3d, Eigen::Vector3f>;
+  const auto takes = [&](const auto& a, const auto& b) {
+    return requires {
+      traverse_ray(grid, a, b, visit);
+    };
+  };
+  CHECK(takes(origin, end));
+  CHECK_FALSE(takes(origin, Other(0, 0, 0)));
+  CHECK_FALSE(takes(Eigen::Vector3i(0, 0, 0), Eigen::Vector3i(0, 0, 0)));
 }

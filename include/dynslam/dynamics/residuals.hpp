@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <concepts>
 #include <optional>
 
 #include "dynslam/concepts/image.hpp"
@@ -14,10 +15,11 @@ namespace dynslam {
 
 /// Eq (3): E_I = I_ref(x) - I_cur(x') in grey values, x' being the projection of x with the present
 /// pose. nullopt where either lies outside its image.
-template <Scalar S, ImageLike A, ImageLike B>
-[[nodiscard]] std::optional<S> photometric_residual(const A& reference, const Eigen::Matrix<S, 2, 1>& x,
+template <ImageLike A, FixedMatrix<2> X, ImageLike B, FixedMatrix<2> Y, Scalar S = typename Y::Scalar>
+  requires std::same_as<typename X::Scalar, S>
+[[nodiscard]] std::optional<S> photometric_residual(const A& reference, const Eigen::MatrixBase<X>& x,
                                                     const B& current,
-                                                    const Eigen::Matrix<S, 2, 1>& x_projected) {
+                                                    const Eigen::MatrixBase<Y>& x_projected) {
   const auto a = bilinear<S>(reference, x.x(), x.y());
   const auto b = bilinear<S>(current, x_projected.x(), x_projected.y());
   if (!a || !b) return std::nullopt;
@@ -25,17 +27,19 @@ template <Scalar S, ImageLike A, ImageLike B>
 }
 
 /// Eq (5): E_C = |x' - x_m| in pixels, projection against match. It has no derivative where the two coincide.
-template <Scalar S>
-[[nodiscard]] S reprojection_residual(const Eigen::Matrix<S, 2, 1>& x_projected,
-                                      const Eigen::Matrix<S, 2, 1>& x_m) {
+template <FixedMatrix<2> X, FixedMatrix<2> Y, Scalar S = typename X::Scalar>
+  requires std::same_as<typename Y::Scalar, S>
+[[nodiscard]] S reprojection_residual(const Eigen::MatrixBase<X>& x_projected,
+                                      const Eigen::MatrixBase<Y>& x_m) {
   return (x_projected - x_m).norm();
 }
 
 /// Eq (6): E_D = (T_c P)_z - D(x_m) in metres: expected against measured depth at the match (nearest
 /// pixel: interpolation across a depth edge would make up a surface). nullopt without valid depth.
-template <Scalar S, DepthImage D>
-[[nodiscard]] std::optional<S> depth_residual(const Eigen::Matrix<S, 3, 1>& p_c, const D& depth,
-                                              const Eigen::Matrix<S, 2, 1>& x_m) {
+template <FixedMatrix<3> P, DepthImage D, FixedMatrix<2> X, Scalar S = typename P::Scalar>
+  requires std::same_as<typename X::Scalar, S>
+[[nodiscard]] std::optional<S> depth_residual(const Eigen::MatrixBase<P>& p_c, const D& depth,
+                                              const Eigen::MatrixBase<X>& x_m) {
   const double u = to_double(x_m.x()), v = to_double(x_m.y());
   if (!(u > -0.5 && v > -0.5 && u < depth.width() - 0.5 && v < depth.height() - 0.5)) return std::nullopt;
   const auto z = depth(static_cast<int>(std::lround(u)), static_cast<int>(std::lround(v)));

@@ -173,11 +173,11 @@ void collect_residuals(const C& camera, std::span<const KeypointMatch<S>> matche
       r.reprojection = std::numeric_limits<S>::infinity();
       continue;
     }
-    r.reprojection = reprojection_residual<S>(*projected, m.x_m);
-    const auto e_i = photometric_residual<S>(reference_gray, m.x, gray, *projected);
+    r.reprojection = reprojection_residual(*projected, m.x_m);
+    const auto e_i = photometric_residual(reference_gray, m.x, gray, *projected);
     r.has_photometric = e_i.has_value();
     r.photometric = e_i.value_or(S(0));
-    const auto e_d = depth_residual<S>(p_c, depth, m.x_m);
+    const auto e_d = depth_residual(p_c, depth, m.x_m);
     r.has_depth = e_d.has_value();
     r.depth = e_d.value_or(S(0));
     if (m.masked || ws.result.mismatch[k] != 0) continue;

@@ -26,7 +26,7 @@ namespace dynslam {
 /// signed distance in pixels. A point at the epipole has no line: the zero vector.
 template <Scalar S>
 [[nodiscard]] Eigen::Matrix<S, 3, 1> epipolar_line(const Eigen::Matrix<S, 3, 3>& F,
-                                                   const Eigen::Matrix<S, 2, 1>& x) {
+                                                   const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x) {
   using std::sqrt;
   const Eigen::Matrix<S, 3, 1> line = F * x.homogeneous();
   const S norm = sqrt(line.x() * line.x() + line.y() * line.y());
@@ -36,16 +36,18 @@ template <Scalar S>
 
 /// Distance of the match x_m to the epipolar line of x [px] (Eq 8 as a distance).
 template <Scalar S>
-[[nodiscard]] S line_distance(const Eigen::Matrix<S, 3, 3>& F, const Eigen::Matrix<S, 2, 1>& x,
-                              const Eigen::Matrix<S, 2, 1>& x_m) {
+[[nodiscard]] S line_distance(const Eigen::Matrix<S, 3, 3>& F,
+                              const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x,
+                              const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x_m) {
   using std::abs;
   return abs(epipolar_line<S>(F, x).dot(x_m.homogeneous()));
 }
 
 /// Sampson's first-order geometric error, squared [px^2]; infinite where its gradient vanishes.
 template <Scalar S>
-[[nodiscard]] S sampson_distance_squared(const Eigen::Matrix<S, 3, 3>& F, const Eigen::Matrix<S, 2, 1>& x,
-                                         const Eigen::Matrix<S, 2, 1>& x_m) {
+[[nodiscard]] S sampson_distance_squared(const Eigen::Matrix<S, 3, 3>& F,
+                                         const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x,
+                                         const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x_m) {
   const Eigen::Matrix<S, 3, 1> l = F * x.homogeneous(), l_m = F.transpose() * x_m.homogeneous();
   const S e = x_m.homogeneous().dot(l);
   const S gradient = l.x() * l.x() + l.y() * l.y() + l_m.x() * l_m.x() + l_m.y() * l_m.y();

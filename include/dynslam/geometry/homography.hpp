@@ -19,8 +19,8 @@ namespace dynslam {
 
 /// H x in pixels; nullopt at infinity and beyond.
 template <Scalar S>
-[[nodiscard]] std::optional<Eigen::Matrix<S, 2, 1>> transfer(const Eigen::Matrix<S, 3, 3>& H,
-                                                             const Eigen::Matrix<S, 2, 1>& x) {
+[[nodiscard]] std::optional<Eigen::Matrix<S, 2, 1>> transfer(
+    const Eigen::Matrix<S, 3, 3>& H, const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x) {
   const Eigen::Matrix<S, 3, 1> p = H * x.homogeneous();
   if (!(S(1e-12) < p.z())) return std::nullopt;
   return Eigen::Matrix<S, 2, 1>(p.x() / p.z(), p.y() / p.z());
@@ -28,8 +28,9 @@ template <Scalar S>
 
 /// Transfer error |H x - x_m|^2 [px^2]; infinite where H x is at infinity.
 template <Scalar S>
-[[nodiscard]] S transfer_distance_squared(const Eigen::Matrix<S, 3, 3>& H, const Eigen::Matrix<S, 2, 1>& x,
-                                          const Eigen::Matrix<S, 2, 1>& x_m) {
+[[nodiscard]] S transfer_distance_squared(const Eigen::Matrix<S, 3, 3>& H,
+                                          const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x,
+                                          const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x_m) {
   const auto there = transfer<S>(H, x);
   if (!there) return S(std::numeric_limits<double>::infinity());
   return (*there - x_m).squaredNorm();
@@ -37,10 +38,10 @@ template <Scalar S>
 
 /// Symmetric transfer error |H x - x_m|^2 + |H^-1 x_m - x|^2 [px^2].
 template <Scalar S>
-[[nodiscard]] S symmetric_transfer_distance_squared(const Eigen::Matrix<S, 3, 3>& H,
-                                                    const Eigen::Matrix<S, 3, 3>& H_inverse,
-                                                    const Eigen::Matrix<S, 2, 1>& x,
-                                                    const Eigen::Matrix<S, 2, 1>& x_m) {
+[[nodiscard]] S symmetric_transfer_distance_squared(
+    const Eigen::Matrix<S, 3, 3>& H, const std::type_identity_t<Eigen::Matrix<S, 3, 3>>& H_inverse,
+    const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x,
+    const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x_m) {
   return transfer_distance_squared<S>(H, x, x_m) + transfer_distance_squared<S>(H_inverse, x_m, x);
 }
 

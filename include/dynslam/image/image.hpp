@@ -17,7 +17,9 @@ class Image {
   using Pixel = T;
 
   Image() = default;
-  Image(int width, int height, T fill = T{})
+  /// Numbers are 0; of a type that leaves its values unset, as Eigen's, they are.
+  Image(int width, int height) : width_(width), height_(height), pixels_(count(width, height)) {}
+  Image(int width, int height, const T& fill)
       : width_(width), height_(height), pixels_(count(width, height), fill) {}
 
   [[nodiscard]] int width() const { return width_; }
@@ -32,7 +34,7 @@ class Image {
   [[nodiscard]] ImageView<T> view() { return {pixels_.data(), width_, height_}; }
   [[nodiscard]] ImageView<const T> view() const { return {pixels_.data(), width_, height_}; }
 
-  void fill(T value) { std::fill(pixels_.begin(), pixels_.end(), value); }
+  void fill(const T& value) { std::fill(pixels_.begin(), pixels_.end(), value); }
   /// Contents are unspecified afterwards where the size changed.
   void resize(int width, int height) {
     width_ = width;

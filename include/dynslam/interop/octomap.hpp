@@ -6,13 +6,14 @@
 #include <Eigen/Core>
 #include <concepts>
 
+#include "dynslam/concepts/scalar.hpp"
 #include "dynslam/semantic/log_odds.hpp"
 
 namespace dynslam::interop {
 
 /// OctoMap's point of an Eigen vector [m] (OctoMap is single precision).
-template <std::floating_point S>
-[[nodiscard]] octomap::point3d to_octomap(const Eigen::Matrix<S, 3, 1>& p) {
+template <FixedMatrix<3> D>
+[[nodiscard]] octomap::point3d to_octomap(const Eigen::MatrixBase<D>& p) {
   return {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z())};
 }
 

@@ -11,6 +11,7 @@
 #include <limits>
 #include <optional>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "dynslam/concepts/robust.hpp"
@@ -93,13 +94,14 @@ struct BundleWorkspace {
 /// An observation of a bundle as one of a pose.
 template <Scalar S>
 [[nodiscard]] PoseObservation<S> pose_observation(const BundleObservation<S>& o,
-                                                  const Eigen::Matrix<S, 3, 1>& p_w) {
+                                                  const std::type_identity_t<Eigen::Matrix<S, 3, 1>>& p_w) {
   return {p_w, o.x, o.depth, o.inv_sigma_px2, o.inv_sigma_z2};
 }
 
 /// Squared normalised error of an observation; infinity where the camera does not see the point.
 template <Scalar S, CameraOf<S> Camera>
-[[nodiscard]] S bundle_chi2(const Camera& camera, const SE3<S>& T_c_w, const Eigen::Matrix<S, 3, 1>& p_w,
+[[nodiscard]] S bundle_chi2(const Camera& camera, const SE3<S>& T_c_w,
+                            const std::type_identity_t<Eigen::Matrix<S, 3, 1>>& p_w,
                             const BundleObservation<S>& o) {
   return observation_chi2(camera, T_c_w, pose_observation(o, p_w));
 }

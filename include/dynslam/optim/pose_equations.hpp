@@ -123,8 +123,8 @@ class PoseEquations {
 template <DifferentiableCamera Camera>
 struct PointLinearisation {
   using S = typename Camera::ScalarType;
-  Eigen::Matrix<S, 3, 1> p, r;
-  Eigen::Matrix<S, 2, 3> dx;
+  Eigen::Matrix<S, 3, 1> p = Eigen::Matrix<S, 3, 1>::Zero(), r = p;
+  Eigen::Matrix<S, 2, 3> dx = Eigen::Matrix<S, 2, 3>::Zero();
 
   /// @return false when the camera does not see the point
   [[nodiscard]] bool at(const Camera& camera, const Eigen::Matrix<S, 3, 1>& p_c,
@@ -141,7 +141,7 @@ template <DifferentiableCamera Camera>
   requires kHasPinholeJacobian<Camera>
 struct PointLinearisation<Camera> {
   using S = typename Camera::ScalarType;
-  Eigen::Matrix<S, 3, 1> p, r;
+  Eigen::Matrix<S, 3, 1> p = Eigen::Matrix<S, 3, 1>::Zero(), r = p;
 
   [[nodiscard]] bool at(const Camera& camera, const Eigen::Matrix<S, 3, 1>& p_c,
                         const PoseObservation<S>& o) {

@@ -33,7 +33,7 @@ template <Scalar S>
 /// Residual [u - x_u, v - x_v, p_z - depth] of the camera-frame point p.
 /// @return false when the camera does not see the point
 template <Scalar S, CameraOf<S> Camera>
-[[nodiscard]] bool point_residual(const Camera& camera, const Eigen::Matrix<S, 3, 1>& p,
+[[nodiscard]] bool point_residual(const Camera& camera, const std::type_identity_t<Eigen::Matrix<S, 3, 1>>& p,
                                   const PoseObservation<S>& o, Eigen::Matrix<S, 3, 1>& r) {
   const auto x = camera.project(p);
   if (!x) return false;
@@ -44,7 +44,7 @@ template <Scalar S, CameraOf<S> Camera>
 /// The same with the derivative of the pixel by p.
 /// @param dx  out (2 x 3); may be null
 template <Scalar S, DifferentiableCameraOf<S> Camera>
-[[nodiscard]] bool point_residual(const Camera& camera, const Eigen::Matrix<S, 3, 1>& p,
+[[nodiscard]] bool point_residual(const Camera& camera, const std::type_identity_t<Eigen::Matrix<S, 3, 1>>& p,
                                   const PoseObservation<S>& o, Eigen::Matrix<S, 3, 1>& r,
                                   std::type_identity_t<Eigen::Matrix<S, 2, 3>>* dx) {
   const auto x = camera.project(p, dx);
@@ -84,7 +84,8 @@ template <Scalar S, DifferentiableCameraOf<S> Camera, class Transform>
 
 /// Squared normalised error of an observation with the given residual.
 template <Scalar S>
-[[nodiscard]] S observation_chi2(const PoseObservation<S>& o, const Eigen::Matrix<S, 3, 1>& r) {
+[[nodiscard]] S observation_chi2(const PoseObservation<S>& o,
+                                 const std::type_identity_t<Eigen::Matrix<S, 3, 1>>& r) {
   const S pixel = o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y());
   if (!measures_depth(o)) return pixel;
   return pixel + o.inv_sigma_z2 * r.z() * r.z();

@@ -167,7 +167,7 @@ template <VoxelMap M>
     return false;
   };
   const VoxelGrid coarse(grid.edge(level));
-  traverse_ray<double>(coarse, origin, end, look);
+  traverse_ray(coarse, origin, end, look);
   if (result.status == RayStatus::free)
     look(pack(*coarse.key(end)));  // the traversal leaves the last cell out
   if (result.status == RayStatus::free && to_border && options.stop_at_unknown) {

@@ -9,12 +9,13 @@
 #include <cstdint>
 #include <limits>
 
+#include "dynslam/concepts/scalar.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
 
 namespace dynslam {
 
-/// Calls `visit(PackedKey)` for each voxel on the segment from `origin` to `end` [m]: the origin's voxel
-/// first, the end's voxel left out; nothing when both lie in one voxel. When `visit` returns bool, false
+/// Calls `visit(PackedKey)` for each voxel on the segment between two points [m]: the first one's voxel
+/// first, the other's left out; nothing when both lie in one voxel. When `visit` returns bool, false
 /// stops.
 ///
 /// J. Amanatides and A. Woo, A fast voxel traversal algorithm for ray tracing, Eurographics 1987, in the
@@ -23,9 +24,12 @@ namespace dynslam {
 /// predict, and a wrong guess costs more than the whole step.
 ///
 /// @return false when an end lies outside the grid; nothing is visited then
-template <std::floating_point S, class Visit>
-bool traverse_ray(const VoxelGrid& grid, const Eigen::Matrix<S, 3, 1>& origin,
-                  const Eigen::Matrix<S, 3, 1>& end, Visit&& visit) {
+template <FixedMatrix<3> A, FixedMatrix<3> B, class Visit>
+  requires std::floating_point<typename A::Scalar> && std::same_as<typename A::Scalar, typename B::Scalar>
+bool traverse_ray(const VoxelGrid& grid, const Eigen::MatrixBase<A>& from, const Eigen::MatrixBase<B>& to,
+                  Visit&& visit) {
+  using S = typename A::Scalar;
+  const Eigen::Matrix<S, 3, 1> origin = from, end = to;  // an expression is evaluated once
   const auto first = grid.key(origin), last = grid.key(end);
   if (!first || !last) return false;
   if (*first == *last) return true;

@@ -11,6 +11,7 @@
 #include <span>
 #include <vector>
 
+#include "dynslam/concepts/scalar.hpp"
 #include "dynslam/semantic/label_histogram.hpp"
 #include "dynslam/semantic/ray_traversal.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
@@ -92,8 +93,8 @@ class BasicScanVoxels {
 
   /// Notes a surface sample. @param weight  0 to 1
   /// @return true when it is the voxel's first one in this scan; false, too, for a point outside the grid
-  template <std::floating_point S>
-  bool add_end(const Eigen::Matrix<S, 3, 1>& p, std::uint8_t label, const std::array<std::uint8_t, 3>& rgb,
+  template <FixedMatrix<3> D>
+  bool add_end(const Eigen::MatrixBase<D>& p, std::uint8_t label, const std::array<std::uint8_t, 3>& rgb,
                float weight = 1.0F) {
     const auto key = grid_.key(p);
     return key && add_end(*key, label, rgb, weight);
@@ -147,8 +148,8 @@ class BasicScanVoxels {
 
   /// Notes that nothing is in the way from `origin` to `end`; the voxel of `end` itself is left out.
   /// @return false when an end lies outside the grid
-  template <std::floating_point S>
-  bool carve(const Eigen::Matrix<S, 3, 1>& origin, const Eigen::Matrix<S, 3, 1>& end) {
+  template <FixedMatrix<3> A, FixedMatrix<3> B>
+  bool carve(const Eigen::MatrixBase<A>& origin, const Eigen::MatrixBase<B>& end) {
     PackedKey base = kNoBlock;
     std::uint64_t* miss = nullptr;
     return traverse_ray(grid_, origin, end, [&](PackedKey key) {
@@ -162,8 +163,8 @@ class BasicScanVoxels {
   }
 
   /// As carve(), for many rays that end nearly together: only the first ray into each end voxel is followed.
-  template <std::floating_point S>
-  bool carve_once(const Eigen::Matrix<S, 3, 1>& origin, const Eigen::Matrix<S, 3, 1>& end) {
+  template <FixedMatrix<3> A, FixedMatrix<3> B>
+  bool carve_once(const Eigen::MatrixBase<A>& origin, const Eigen::MatrixBase<B>& end) {
     const auto key = grid_.key(end);
     if (!key) return false;
     return mark_end(*key) ? carve(origin, end) : true;
@@ -333,7 +334,7 @@ void gather_point_cloud(BasicScanVoxels<N>& scan, std::span<const ScanPoint> poi
     }
     const Eigen::Vector3f d = p - origin;
     const Eigen::Vector3f direction = d / static_cast<float>(norm(d));
-    scan.carve(origin, Eigen::Vector3f(origin + direction * static_cast<float>(max_range)));
+    scan.carve(origin, origin + direction * static_cast<float>(max_range));
   };
   for (const ScanPoint& point : points) {
     if (!discretize) {
