@@ -27,10 +27,10 @@ class EquidistantCamera {
     const T r2 = p.x() * p.x() + p.y() * p.y(), d2 = r2 + p.z() * p.z();
     const T r = sqrt(r2);
     const bool axis = r < T(1e-6) * p.z();
-    const T scale = axis ? T(1) / p.z() : atan2(r, p.z()) / r;
+    const T scale = axis ? T(T(1) / p.z()) : T(atan2(r, p.z()) / r);
     if (J != nullptr) {
       // d scale / d (x, y) = slope (x, y), d scale / d z = -1 / d2
-      const T slope = axis ? T(0) : (p.z() / d2 - scale) / r2;
+      const T slope = axis ? T(0) : T((p.z() / d2 - scale) / r2);
       *J << scale + slope * p.x() * p.x(), slope * p.x() * p.y(), -p.x() / d2, slope * p.x() * p.y(),
           scale + slope * p.y() * p.y(), -p.y() / d2;
       *J *= focal_;
@@ -43,7 +43,7 @@ class EquidistantCamera {
     const Vector2 n = (x - centre_) / focal_;
     const T angle = n.norm();
     if (!(angle < T(1.55))) return std::nullopt;
-    const T scale = angle < T(1e-6) ? T(1) : tan(angle) / angle;
+    const T scale = angle < T(1e-6) ? T(1) : T(tan(angle) / angle);
     return Vector3(scale * n.x() * z, scale * n.y() * z, z);
   }
 
