@@ -12,6 +12,7 @@
 #include "dynslam/dynamics/depth_grid.hpp"
 #include "dynslam/dynamics/free_space.hpp"
 #include "dynslam/dynamics/free_space_history.hpp"
+#include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/method.hpp"
 #include "dynslam/dynamics/motion_segmenter.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"

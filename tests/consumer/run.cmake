@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# Configures, builds and runs tests/consumer against the installed core or the source tree.
+# Configures, builds and runs against the installed core or the source tree: tests/consumer, or the examples
+# that need nothing else (MODE examples).
 file(REMOVE_RECURSE ${WORK})
 file(MAKE_DIRECTORY ${WORK})
 
-if(MODE STREQUAL "installed")
+if(NOT MODE STREQUAL "subdirectory")
   execute_process(COMMAND ${CMAKE_COMMAND} --install ${BUILD} --prefix ${WORK}/prefix --component dynslam_core
     COMMAND_ERROR_IS_FATAL ANY OUTPUT_QUIET)
   set(options -D CMAKE_PREFIX_PATH=${WORK}/prefix)
@@ -11,10 +12,19 @@ else()
   set(options -D DYNSLAM_SOURCE=${SOURCE})
 endif()
 
+set(project tests/consumer)
+if(MODE STREQUAL "examples")
+  set(project examples)
+endif()
 execute_process(
-  COMMAND ${CMAKE_COMMAND} -S ${SOURCE}/tests/consumer -B ${WORK}/build -G ${GENERATOR}
+  COMMAND ${CMAKE_COMMAND} -S ${SOURCE}/${project} -B ${WORK}/build -G ${GENERATOR}
     -D CMAKE_BUILD_TYPE=Release -D CMAKE_CXX_COMPILER=${COMPILER} -D CMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}
     -D CMAKE_DISABLE_FIND_PACKAGE_OpenCV=ON -D CMAKE_DISABLE_FIND_PACKAGE_octomap=ON ${options}
   COMMAND_ERROR_IS_FATAL ANY)
 execute_process(COMMAND ${CMAKE_COMMAND} --build ${WORK}/build COMMAND_ERROR_IS_FATAL ANY)
-execute_process(COMMAND ${WORK}/build/consumer COMMAND_ERROR_IS_FATAL ANY)
+if(MODE STREQUAL "examples")
+  execute_process(COMMAND ${CMAKE_CTEST_COMMAND} --test-dir ${WORK}/build --no-tests=error --output-on-failure
+    COMMAND_ERROR_IS_FATAL ANY)
+else()
+  execute_process(COMMAND ${WORK}/build/consumer COMMAND_ERROR_IS_FATAL ANY)
+endif()

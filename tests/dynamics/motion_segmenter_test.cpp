@@ -87,6 +87,32 @@ TEST_CASE_TEMPLATE("a carried board is found, and a room at rest stays out of th
   CHECK(still.still_share < 0.002);
 }
 
+TEST_CASE_TEMPLATE("without any pose, the room locates the camera and the board is found", S, float, double) {
+  const Pinhole<S> camera(S(200), S(200), S(119.5), S(89.5));
+  MotionSegmenter<S, Pinhole<S>> segmenter(camera);
+  SceneRenderer<Pinhole<S>> view(camera, kWidth, kHeight);
+  MovingScene scene;
+  scene.board.x() = -0.55;
+  SE3<S> last = camera_at(0).inverse().template cast<S>(), velocity;
+  double found = 0;
+  for (int k = 0; k < 36; ++k) {
+    if (k > 4) scene.board.x() += 1.2 / 30;
+    view.render(scene, camera_at(k));
+    const auto located = segmenter.locate(view.gray.view(), view.depth.view(), velocity * last);
+    CHECK(located.ok() == (k > 0));  // the first frame is where it is said to be
+    const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), located.T_c_w);
+    segmenter.remember(located.T_c_w, motion.mask);
+    velocity = located.T_c_w * last.inverse();
+    last = located.T_c_w;
+    const SE3<double> error = located.T_c_w.template cast<double>() * camera_at(k);
+    CHECK(error.translation().norm() < 0.01);
+    if (k >= 28) found += overlap(motion.mask, view.moving) / 8;
+  }
+  CHECK(found > 0.7);
+  const Image<float> other(kWidth, kHeight + 1, 1.0F);
+  CHECK(segmenter.locate(view.gray.view(), other, last).status == PoseConsensusStatus::bad_input);
+}
+
 TEST_CASE_TEMPLATE("a board is found through lenses that the segmenter knows nothing of", S, float, double) {
   const PinholeBrownConrady<S> lens(Pinhole<S>(S(200), S(200), S(119), S(90)),
                                     BrownConrady<S>(S(-0.2), S(0.05), S(0.001), S(0), S(0)));

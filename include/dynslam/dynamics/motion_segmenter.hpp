@@ -14,6 +14,7 @@
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/dynamics/depth_grid.hpp"
 #include "dynslam/dynamics/free_space_history.hpp"
+#include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/method.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
@@ -38,8 +39,10 @@ struct KeypointSeedOptions {
 struct OwnReferenceOptions {
   bool use = true;       ///< false: the host gives them (set_reference)
   double max_age = 0.7;  ///< [s] at free_space.frame_rate: views must differ, and still show the same things
-  double min_share = 0.5;  ///< of its keypoints in view; fewer: a new one at once
-  CornerOptions corners;   ///< on the pyramid's level 1, where noise is halved
+  double min_share = 0.5;        ///< of its keypoints in view; fewer: a new one at once
+  double min_found = 0.3;        ///< of its keypoints found again; fewer: a new one at once
+  int corners_per_keypoint = 4;  ///< that are looked at: many lie on edges of the depth and cannot serve
+  CornerOptions corners;         ///< on the pyramid's level 1, where noise is halved
 };
 
 template <std::floating_point S>
@@ -47,6 +50,7 @@ struct MotionSegmenterOptions {
   Method method = Method::full;
   ReferenceOptions reference;
   OwnReferenceOptions own_reference;
+  LocateOptions<S> locating;
   StaticWeightsOptions<S> weights;
   KeypointSeedOptions keypoint_seeds;
   DepthGridOptions grid;
@@ -154,6 +158,36 @@ class MotionSegmenter {
   template <ImageLike G, DepthImage D>
   const Motion<S>& segment(const G& gray, const D& depth, const SE3<S>& T_c_w) {
     return segment(gray, depth, T_c_w, ImageView<const std::uint8_t>());
+  }
+
+  /// The pose of a frame that is to be segmented next, for hosts whose own pose is not yet to be trusted:
+  /// what moves spoils it, and a spoilt pose makes the room move. Found from the reference keypoints alone,
+  /// see locate_reference(); the first frame is where it is predicted.
+  /// @param T_c_w_predicted  by the motion so far, in the world of the poses given to `remember`
+  /// @param prior            a-priori mask of what may move: what is on it does not count; 0 x 0 without one
+  template <ImageLike G, DepthImage D, LabelImage M>
+  PoseConsensusResult<S> locate(const G& gray, const D& depth, const SE3<S>& T_c_w_predicted,
+                                const M& prior) {
+    PoseConsensusResult<S> located;
+    located.T_c_w = T_c_w_predicted;
+    if (!accept_size(gray, depth, prior)) {
+      located.status = PoseConsensusStatus::bad_input;
+      return located;
+    }
+    pyramid_.build(gray, options_.reference.levels);
+    for (int round = 0; round < options_.locating.rounds; ++round) {
+      reference_.track(camera_, pyramid_, located.T_c_w, prior, options_.reference, matches_);
+      const PoseConsensusResult<S> next =
+          locate_reference(camera_, std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(), depth,
+                           located.T_c_w, options_.locating, locating_);
+      if (!next.ok() || next.inliers <= located.inliers) break;
+      located = next;
+    }
+    return located;
+  }
+  template <ImageLike G, DepthImage D>
+  PoseConsensusResult<S> locate(const G& gray, const D& depth, const SE3<S>& T_c_w_predicted) {
+    return locate(gray, depth, T_c_w_predicted, ImageView<const std::uint8_t>());
   }
 
   /// What the last call of `segment` found.
@@ -269,13 +303,14 @@ class MotionSegmenter {
     const OwnReferenceOptions& own = options_.own_reference;
     return reference_.empty() ||
            static_cast<double>(reference_age_) >= own.max_age * options_.free_space.frame_rate ||
+           static_cast<double>(motion_.tracked) < own.min_found * static_cast<double>(reference_.size()) ||
            static_cast<double>(reference_.in_view()) < own.min_share * static_cast<double>(reference_.size());
   }
 
   void take_reference(const SE3<S>& T_c_w) {
     const int level = std::min(1, pyramid_.size() - 1);
     CornerOptions corners = options_.own_reference.corners;
-    corners.count = options_.reference.points;
+    corners.count = options_.own_reference.corners_per_keypoint * options_.reference.points;
     find_corners(pyramid_.image(level), corners, corner_workspace_, corners_);
     keypoints_.clear();
     for (const Eigen::Vector2i& corner : corners_) {
@@ -283,7 +318,8 @@ class MotionSegmenter {
       const int c = grid_.cell_at(static_cast<float>(x.x()), static_cast<float>(x.y()));
       // The reduced depth of a cell on one surface: at an edge the corner's own depth is a guess.
       if (c < 0 || smooth_.data()[c] == 0) continue;
-      keypoints_.push_back({x, static_cast<S>(depth_.data()[c]), S(1 << level)});
+      keypoints_.push_back(
+          {x, static_cast<S>(depth_.data()[c]), S(1 << level), state_.data()[c] != kCellStatic});
     }
     reference_.set(camera_, pyramid_, std::span<const ReferenceKeypoint<S>>(keypoints_), T_c_w,
                    options_.reference);
@@ -297,6 +333,7 @@ class MotionSegmenter {
   ReferenceKeyframe<S> reference_;
   int reference_age_ = 0;  // frames
   std::vector<KeypointMatch<S>> matches_;
+  LocateWorkspace<S> locating_;
   StaticWeightsWorkspace<S> weights_;
   FreeSpaceHistory<S> history_;
   FreeSpaceVerdicts verdicts_;

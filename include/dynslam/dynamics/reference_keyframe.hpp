@@ -27,6 +27,7 @@ struct ReferenceKeypoint {
   Eigen::Matrix<S, 2, 1> x;  ///< recorded pixel
   S depth;                   ///< [m]; keypoints without a valid one are left out
   S scale = S(1);            ///< pixels of the image per pixel of the level on which it was found
+  bool masked = false;       ///< on something that moved or may move: its matches are marked
 };
 
 struct ReferenceOptions {
@@ -76,7 +77,8 @@ class ReferenceKeyframe {
       const auto p = camera.unproject(keypoint.x, keypoint.depth);
       const double octave = std::log2(std::max(1.0, static_cast<double>(keypoint.scale)));
       const int level = std::min(pyramid.size() - 1, static_cast<int>(std::lround(octave)));
-      Point point{keypoint.x, p.value_or(Vector3::Zero()), cut_patch<S>(pyramid, keypoint.x, level)};
+      Point point{keypoint.x, p.value_or(Vector3::Zero()), cut_patch<S>(pyramid, keypoint.x, level),
+                  keypoint.masked};
       if (p && point.patch.level >= 0) points_.push_back(point);
     }
     in_view_ = points_.size();
@@ -108,7 +110,7 @@ class ReferenceKeyframe {
       if (!found) continue;
       const int u = static_cast<int>(std::lround(found->x())), v = static_cast<int>(std::lround(found->y()));
       const bool inside = u >= 0 && v >= 0 && u < present.image(0).width() && v < present.image(0).height();
-      const bool masked = inside && prior.width() > 0 && prior(u, v) != 0;
+      const bool masked = point.masked || (inside && prior.width() > 0 && prior(u, v) != 0);
       if (inside) matches.push_back({point.x, point.p_ref, *found, masked});
     }
   }
@@ -118,6 +120,7 @@ class ReferenceKeyframe {
     Vector2 x;      // recorded pixel
     Vector3 p_ref;  // in its camera's frame [m]
     PointPatch patch;
+    bool masked = false;               // when it was taken
     Vector2 offset = Vector2::Zero();  // from the expected place, when it was searched and found last
     int pause = 0;                     // frames for which it is not searched
   };

@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Example 6: MotionSegmenter inside a system that is not ours, OpenCV's RGB-D odometry from frame to frame.
+//
+//   example_06_rgbd_odometry SEQUENCE [LIMIT]
+//
+// runs a TUM RGB-D folder twice, as OpenCV does it and with what moves masked out, and prints both absolute
+// trajectory errors. The odometry's pose is no start for the segmenter, since what moves spoils it: the
+// segmenter finds its own from its reference keypoints (locate), and gives the odometry a first guess, too.
+// Fails where the error with it is above LIMIT [m]; "third" stands for a third of the error without.
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <limits>
+#include <map>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/rgbd.hpp>
+
+#include <dynslam/dynamics/motion_segmenter.hpp>
+#include <dynslam/eval/trajectory.hpp>
+#include <dynslam/geometry/pinhole.hpp>
+
+namespace {
+
+using dynslam::SE3d;
+using Trajectory = std::vector<dynslam::StampedPose<double>>;
+
+struct Frame {
+  double t = 0;
+  cv::Mat gray, depth;  // 8 bit; metres, NaN where there is none
+};
+
+/// Lines of numbers and words that do not begin with '#'.
+std::vector<std::vector<std::string>> read_lines(const std::string& path) {
+  std::vector<std::vector<std::string>> lines;
+  std::ifstream in(path);
+  for (std::string line, word; std::getline(in, line);) {
+    if (line.empty() || line.front() == '#') continue;
+    std::istringstream words(line);
+    lines.emplace_back();
+    while (words >> word) lines.back().push_back(word);
+  }
+  return lines;
+}
+
+/// fx, fy, cx, cy and depth units: of camera.txt ("key = value"), or of the TUM camera fr1 or fr3, by the
+/// folder's name.
+std::map<std::string, double> read_camera(const std::string& folder) {
+  std::map<std::string, double> camera{
+      {"fx", 535.4}, {"fy", 539.2}, {"cx", 320.1}, {"cy", 247.6}, {"depth_units_per_metre", 5000.0}};
+  if (folder.find("freiburg1") != std::string::npos || folder.find("fr1") != std::string::npos)
+    camera = {{"fx", 517.3}, {"fy", 516.5}, {"cx", 318.6}, {"cy", 255.3}, {"depth_units_per_metre", 5000.0}};
+  for (const auto& line : read_lines(folder + "/camera.txt")) {
+    if (line.size() == 3) camera[line[0]] = std::atof(line[2].c_str());
+  }
+  return camera;
+}
+
+std::vector<Frame> read_frames(const std::string& folder, double units) {
+  const auto colours = read_lines(folder + "/rgb.txt"), depths = read_lines(folder + "/depth.txt");
+  const auto stamps = [](const auto& list) {
+    std::vector<double> t;
+    for (const auto& line : list) t.push_back(std::atof(line.front().c_str()));
+    return t;
+  };
+  const auto t_colour = stamps(colours), t_depth = stamps(depths);
+  std::vector<Frame> frames;
+  for (const auto& [i, k] : dynslam::associate(t_colour, t_depth, 0.02)) {
+    Frame f;
+    f.t = t_colour[i];
+    f.gray = cv::imread(folder + "/" + colours[i][1], cv::IMREAD_GRAYSCALE);
+    cv::imread(folder + "/" + depths[k][1], cv::IMREAD_UNCHANGED).convertTo(f.depth, CV_32F, 1.0 / units);
+    f.depth.setTo(std::numeric_limits<float>::quiet_NaN(), f.depth <= 0);
+    frames.push_back(std::move(f));
+  }
+  return frames;
+}
+
+Trajectory read_groundtruth(const std::string& folder) {
+  Trajectory trajectory;
+  for (const auto& w : read_lines(folder + "/groundtruth.txt")) {
+    if (w.size() < 8) continue;
+    const auto n = [&](std::size_t i) { return std::atof(w[i].c_str()); };
+    const Eigen::Quaterniond q(n(7), n(4), n(5), n(6));
+    trajectory.push_back({n(0), SE3d(dynslam::SO3d(q), Eigen::Vector3d(n(1), n(2), n(3)))});
+  }
+  return trajectory;
+}
+
+/// Motion from one frame to the next: T_next_last. Points on the masks (empty: all) are used.
+std::optional<SE3d> motion(cv::rgbd::Odometry& odometry, const Frame& last, const cv::Mat& last_mask,
+                           const Frame& next, const cv::Mat& next_mask, const SE3d& guess) {
+  cv::Mat Rt, guess_Rt(4, 4, CV_64F);
+  const Eigen::Matrix4d T = guess.matrix();
+  for (int r = 0; r < 4; ++r) {
+    for (int c = 0; c < 4; ++c) guess_Rt.at<double>(r, c) = T(r, c);
+  }
+  if (!odometry.compute(last.gray, last.depth, last_mask, next.gray, next.depth, next_mask, Rt, guess_Rt))
+    return std::nullopt;
+  Eigen::Matrix3d R;
+  Eigen::Vector3d t;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) R(r, c) = Rt.at<double>(r, c);
+    t[r] = Rt.at<double>(r, 3);
+  }
+  return SE3d(dynslam::SO3d(Eigen::Quaterniond(R)), t);
+}
+
+class MaskedOdometry {
+ public:
+  MaskedOdometry(const std::map<std::string, double>& camera, bool segment)
+      : segment_(segment),
+        segmenter_(
+            dynslam::Pinhole<double>(camera.at("fx"), camera.at("fy"), camera.at("cx"), camera.at("cy"))) {
+    const cv::Mat K = (cv::Mat_<double>(3, 3) << camera.at("fx"), 0, camera.at("cx"), 0, camera.at("fy"),
+                       camera.at("cy"), 0, 0, 1);
+    odometry_ = cv::rgbd::RgbdOdometry::create(K);
+  }
+
+  SE3d track(const Frame& frame) {
+    cv::Mat still;  // what the odometry may use
+    SE3d guess;
+    if (segment_) {
+      const SE3d T_located = segment(frame, still);
+      guess = T_located * T_located_.inverse();
+      T_located_ = T_located;
+      velocity_ = guess;
+    }
+    if (!last_.gray.empty())
+      T_c_w_ = motion(*odometry_, last_, last_still_, frame, still, guess).value_or(guess) * T_c_w_;
+    last_ = frame;
+    last_still_ = still;
+    return T_c_w_;
+  }
+
+ private:
+  /// The frame's pose by the segmenter's own keypoints, and the pixels that do not move.
+  SE3d segment(const Frame& frame, cv::Mat& still) {
+    const int w = frame.gray.cols, h = frame.gray.rows;
+    const dynslam::ImageView<const unsigned char> gray(frame.gray.ptr(), w, h);
+    const dynslam::ImageView<const float> depth(frame.depth.ptr<float>(), w, h);
+    const SE3d T_c_w = segmenter_.locate(gray, depth, velocity_ * T_located_).T_c_w;
+    const auto& moving = segmenter_.segment(gray, depth, T_c_w);
+    segmenter_.remember(T_c_w, moving.mask);
+    still = cv::Mat(frame.gray.size(), CV_8UC1);
+    for (int v = 0; v < h; ++v) {
+      for (int u = 0; u < w; ++u) still.at<unsigned char>(v, u) = moving.mask(u, v) != 0 ? 0 : 255;
+    }
+    cv::erode(still, still, cv::getStructuringElement(cv::MORPH_RECT, {7, 7}));  // off the movers' rim
+    return T_c_w;
+  }
+
+  bool segment_;
+  dynslam::MotionSegmenter<double, dynslam::Pinhole<double>> segmenter_;
+  cv::Ptr<cv::rgbd::RgbdOdometry> odometry_;
+  Frame last_;
+  cv::Mat last_still_;
+  SE3d T_c_w_;                 // of the odometry
+  SE3d T_located_, velocity_;  // of the segmenter: its own world
+};
+
+double trajectory_error(const std::vector<Frame>& frames, const std::map<std::string, double>& camera,
+                        const Trajectory& groundtruth, bool segment) {
+  MaskedOdometry odometry(camera, segment);
+  Trajectory trajectory;
+  for (const Frame& frame : frames) trajectory.push_back({frame.t, odometry.track(frame).inverse()});
+  const auto ate = dynslam::absolute_trajectory_error<double>(trajectory, groundtruth);
+  return ate ? ate->translation.rmse : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc < 2) {
+    std::puts("usage: example_06_rgbd_odometry SEQUENCE [LIMIT]");
+    return 2;
+  }
+  const std::string folder = argv[1];
+  const auto camera = read_camera(folder);
+  const auto frames = read_frames(folder, camera.at("depth_units_per_metre"));
+  const auto groundtruth = read_groundtruth(folder);
+  const double alone = trajectory_error(frames, camera, groundtruth, false);
+  const double with = trajectory_error(frames, camera, groundtruth, true);
+  std::printf("%zu frames: absolute trajectory error %.1f cm alone, %.1f cm with MotionSegmenter\n",
+              frames.size(), 100 * alone, 100 * with);
+  if (argc < 3) return std::isfinite(with) ? 0 : 1;
+  return with <= (std::string(argv[2]) == "third" ? alone / 3 : std::atof(argv[2])) ? 0 : 1;
+}
