@@ -19,9 +19,9 @@
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/slam/frame_preparation.hpp"
 #include "dynslam/runtime/stopwatch.hpp"
+#include "io/run_summary.hpp"
+#include "io/run_timings.hpp"
 #include "slam/run_map.hpp"
-#include "slam/run_summary.hpp"
-#include "slam/run_timings.hpp"
 
 namespace dynslam::runtime {
 namespace {

@@ -4,8 +4,8 @@
 #include <filesystem>
 
 #include "dynslam/runtime/io/camera.hpp"
-#include "dynslam/runtime/slam/local_map.hpp"
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
+#include "dynslam/runtime/slam/types.hpp"
 
 namespace dynslam::runtime {
 

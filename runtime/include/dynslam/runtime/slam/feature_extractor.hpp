@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "dynslam/runtime/slam/frame.hpp"
-#include "dynslam/runtime/slam/patch_matcher.hpp"
+#include "dynslam/runtime/slam/image_pyramid.hpp"
+#include "dynslam/runtime/slam/types.hpp"
 
 namespace dynslam::runtime {
 

@@ -7,7 +7,7 @@
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/map/bundle_window.hpp"
 #include "dynslam/optim/bundle_adjustment.hpp"
-#include "dynslam/runtime/slam/local_map.hpp"
+#include "dynslam/runtime/slam/types.hpp"
 
 namespace dynslam::runtime {
 

@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "dynslam/geometry/se3.hpp"
-#include "dynslam/runtime/slam/loop_closer.hpp"
+#include "dynslam/runtime/slam/types.hpp"
 
 namespace dynslam::runtime {
 

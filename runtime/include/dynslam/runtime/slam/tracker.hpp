@@ -15,14 +15,10 @@
 #include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/slam/feature_extractor.hpp"
-#include "dynslam/runtime/slam/frame.hpp"
 #include "dynslam/runtime/slam/local_bundle.hpp"
-#include "dynslam/runtime/slam/local_map.hpp"
-#include "dynslam/runtime/slam/loop_closer.hpp"
-#include "dynslam/runtime/slam/place_index.hpp"
-#include "dynslam/runtime/slam/place_verifier.hpp"
 #include "dynslam/runtime/slam/track_result.hpp"
 #include "dynslam/runtime/slam/tracker_options.hpp"
+#include "dynslam/runtime/slam/types.hpp"
 
 namespace dynslam::runtime {
 

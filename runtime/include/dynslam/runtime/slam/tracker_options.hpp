@@ -15,8 +15,7 @@
 #include "dynslam/runtime/slam/dynamics_mode.hpp"
 #include "dynslam/runtime/slam/feature_extractor.hpp"
 #include "dynslam/runtime/slam/local_bundle.hpp"
-#include "dynslam/runtime/slam/loop_closer.hpp"
-#include "dynslam/runtime/slam/place_verifier.hpp"
+#include "dynslam/runtime/slam/types.hpp"
 
 namespace dynslam::runtime {
 

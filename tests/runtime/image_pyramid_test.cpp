@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/slam/patch_matcher.hpp"
+#include "dynslam/runtime/slam/image_pyramid.hpp"
 
 #include <doctest/doctest.h>
 
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "dynslam/features/patch_matcher.hpp"
+#include "dynslam/geometry/pinhole.hpp"
 #include "random.hpp"
 
 using namespace dynslam;

@@ -3,11 +3,8 @@
 
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
-#include <optional>
 #include <vector>
 
-#include "dynslam/features/patch_matcher.hpp"
-#include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/image/pyramid.hpp"
 #include "dynslam/interop/opencv.hpp"
 
@@ -31,8 +28,5 @@ struct ImagePyramid {
 };
 
 static_assert(ImagePyramidLike<ImagePyramid>);
-
-using PatchMatch = dynslam::PatchMatch<double>;
-using dynslam::PointPatch;
 
 }  // namespace dynslam::runtime
