@@ -4,6 +4,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 #include "dynslam/concepts/image.hpp"
@@ -68,15 +69,15 @@ template <LabelImage Instances, LabelImage Prior, DepthImage Depth, LabelImage M
 /// Gives back what is at rest: clears its pixels in a mask of what moves and marks them (255) in one of what
 /// rests.
 /// @param resting  as resting_instances() returns it
-template <LabelImage Instances, MutableImage Dynamic, MutableImage Rest>
-void give_back_resting(const Instances& instances, const std::vector<std::uint8_t>& resting, Dynamic& dynamic,
-                       Rest& at_rest) {
+template <LabelImage Instances, OutputLabelImage Dynamic, OutputLabelImage Rest>
+void give_back_resting(const Instances& instances, const std::vector<std::uint8_t>& resting,
+                       Dynamic&& dynamic, Rest&& at_rest) {
   for (int v = 0; v < instances.height(); ++v) {
     for (int u = 0; u < instances.width(); ++u) {
       const auto id = static_cast<std::size_t>(instances(u, v));
       if (id >= resting.size() || resting[id] == 0) continue;
       dynamic(u, v) = 0;
-      at_rest(u, v) = 255;
+      at_rest(u, v) = static_cast<typename std::remove_reference_t<Rest>::Pixel>(255);
     }
   }
 }

@@ -13,6 +13,8 @@
 #include <type_traits>
 
 #include "dynslam/concepts/camera.hpp"
+#include "dynslam/concepts/image.hpp"
+#include "dynslam/image/image_view.hpp"
 #include "dynslam/image/pyramid.hpp"
 #include "dynslam/optim/patch_alignment.hpp"
 
@@ -93,13 +95,12 @@ template <std::floating_point S, ImagePyramidLike P>
 namespace detail {
 using PatchTemplate = AlignmentPatch<float, 8>;
 
-/// Samples the template, with its border, as an affine image of a patch of `stride` pixels per row: the
-/// template's offset d from its origin shows what is at centre + to_patch d.
+/// Samples the template, with its border, as an affine image of a patch: the template's offset d from its
+/// origin shows what is at centre + to_patch d.
 /// @return false where that lies outside the patch
-template <class P>
+template <RowImage I>
 [[nodiscard]] bool sample_template(
-    const P* patch, std::ptrdiff_t stride, int width, int height, const Eigen::Vector2f& centre,
-    const Eigen::Matrix2f& to_patch,
+    const I& patch, const Eigen::Vector2f& centre, const Eigen::Matrix2f& to_patch,
     std::array<float, static_cast<std::size_t>(PatchTemplate::kBordered* PatchTemplate::kBordered)>&
         bordered) {
   constexpr float kRounding = 1e-4F;  // of coordinates inside a patch [px]
@@ -110,8 +111,8 @@ template <class P>
     return Eigen::Vector2f(centre + to_patch * Eigen::Vector2f(static_cast<float>(x - kOrigin),
                                                                static_cast<float>(y - kOrigin)));
   };
-  const float right = static_cast<float>(width - 1) - kRounding,
-              bottom_edge = static_cast<float>(height - 1) - kRounding;
+  const float right = static_cast<float>(patch.width() - 1) - kRounding,
+              bottom_edge = static_cast<float>(patch.height() - 1) - kRounding;
   for (const int y : {0, kSide - 1}) {
     for (const int x : {0, kSide - 1}) {
       const Eigen::Vector2f p = source(x, y);
@@ -127,11 +128,11 @@ template <class P>
     const Row a = px - u.cast<float>(), b = py - v.cast<float>();
     Row g00, g10, g01, g11;
     for (int x = 0; x < kSide; ++x) {
-      const P* g = patch + v[x] * stride + u[x];
-      g00[x] = static_cast<float>(g[0]);
-      g10[x] = static_cast<float>(g[1]);
-      g01[x] = static_cast<float>(g[stride]);
-      g11[x] = static_cast<float>(g[stride + 1]);
+      const auto *above = patch.row(v[x]) + u[x], *below = patch.row(v[x] + 1) + u[x];
+      g00[x] = static_cast<float>(above[0]);
+      g10[x] = static_cast<float>(above[1]);
+      g01[x] = static_cast<float>(below[0]);
+      g11[x] = static_cast<float>(below[1]);
     }
     const Row top = g00 + a * (g10 - g00), bottom = g01 + a * (g11 - g01);
     Eigen::Map<Row>(bordered.data() + y * kSide) = top + b * (bottom - top);
@@ -165,9 +166,8 @@ template <std::floating_point S, ImagePyramidLike P>
   std::array<float,
              static_cast<std::size_t>(detail::PatchTemplate::kBordered * detail::PatchTemplate::kBordered)>
       bordered;
-  if (!detail::sample_template(patch.grey.data(), PointPatch::kSide, PointPatch::kSide, PointPatch::kSide,
-                               patch.centre, to_patch, bordered))
-    return std::nullopt;
+  const ImageView<const std::uint8_t> grey(patch.grey.data(), PointPatch::kSide, PointPatch::kSide);
+  if (!detail::sample_template(grey, patch.centre, to_patch, bordered)) return std::nullopt;
   detail::PatchTemplate reference;
   if (!reference.set(bordered, options.min_gradient)) return std::nullopt;
   const auto found = reference.align(

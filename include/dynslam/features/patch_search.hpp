@@ -9,7 +9,6 @@
 #include <optional>
 
 #include "dynslam/features/patch_matcher.hpp"
-#include "dynslam/image/image_view.hpp"
 #include "dynslam/image/pyramid.hpp"
 
 namespace dynslam {
@@ -34,7 +33,6 @@ template <std::floating_point S, ImagePyramidLike P, ImagePyramidLike Q>
 [[nodiscard]] std::optional<Eigen::Matrix<S, 2, 1>> search_patch(
     const P& reference, const Eigen::Matrix<S, 2, 1>& x, const Eigen::Matrix<S, 2, 2>& warp, const Q& present,
     const Eigen::Matrix<S, 2, 1>& start, const PatchSearchOptions& options = {}) {
-  using Pixel = typename std::remove_cvref_t<decltype(reference.image(0))>::Pixel;
   using detail::PatchTemplate;
   if (!(warp.determinant() > S(0))) return std::nullopt;
   const Eigen::Matrix2f to_reference = warp.inverse().template cast<float>();
@@ -43,10 +41,9 @@ template <std::floating_point S, ImagePyramidLike P, ImagePyramidLike Q>
   Eigen::Matrix<S, 2, 1> found = start;
   bool any = false;
   for (int level = std::min(reference.size(), present.size()) - 1; level >= 0; --level) {
-    const ImageView<const Pixel> image = reference.image(level);
+    const auto& image = reference.image(level);
     const Eigen::Vector2f centre = to_level<S>(reference, x, level).template cast<float>();
-    if (!detail::sample_template(image.data(), image.stride(), image.width(), image.height(), centre,
-                                 to_reference, bordered) ||
+    if (!detail::sample_template(image, centre, to_reference, bordered) ||
         !patch.set(bordered, options.min_gradient))
       continue;
     const auto aligned = patch.align(

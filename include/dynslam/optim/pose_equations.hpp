@@ -112,10 +112,10 @@ class PoseEquations {
         Vector3(y * force.z() - z * force.y(), z * force.x() - x * force.z(), x * force.y() - y * force.x());
   }
 
-  std::array<S, 5> a_{};  // A: 00, 11, 02, 12, 22
-  S a01_ = S(0);          // zero for a pinhole
+  std::array<S, 5> a_{S(0), S(0), S(0), S(0), S(0)};  // A: 00, 11, 02, 12, 22
+  S a01_ = S(0);                                      // zero for a pinhole
   Eigen::Matrix<S, 3, 3> B_ = Eigen::Matrix<S, 3, 3>::Zero();
-  std::array<S, 6> c_{};  // C: 00, 10, 11, 20, 21, 22
+  std::array<S, 6> c_{S(0), S(0), S(0), S(0), S(0), S(0)};  // C: 00, 10, 11, 20, 21, 22
   Vector3 force_ = Vector3::Zero(), torque_ = Vector3::Zero();
 };
 

@@ -10,7 +10,7 @@
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/config.hpp"
 #include "dynslam/image/image.hpp"
-#include "dynslam/image/image_view.hpp"
+#include "dynslam/image/image_row.hpp"
 #include "dynslam/segment/connected_components.hpp"
 #include "dynslam/segment/connectivity.hpp"
 #include "dynslam/segment/mask.hpp"
@@ -49,17 +49,18 @@ struct MaskGrowingWorkspace {
 /// @param depth    [m], invalid = NaN or <= 0
 /// @param seed     in: nonzero where motion was seen; out: small groups cleared
 /// @param barrier  in: nonzero where growing must not enter; out: with what is out of reach
+/// Images are of any type, of the depth's size; those that are written are given as references or views.
 /// @param age      in: frames since direct evidence; out: pixels that only the growing reached are as old as
 ///                 the newest evidence of their region, without which a mask would feed on itself
 /// @param mask     out: 255 in regions, else 0
-template <DepthImage D>
-MaskGrowingResult grow_mask(const D& depth, ImageView<std::uint8_t> seed, ImageView<std::uint8_t> barrier,
-                            ImageView<std::uint8_t> age, ImageView<std::uint8_t> mask,
+template <DepthImage D, OutputLabelImage Seed, OutputLabelImage Barrier, OutputLabelImage Age,
+          OutputLabelImage Mask>
+MaskGrowingResult grow_mask(const D& depth, Seed&& seed, Barrier&& barrier, Age&& age, Mask&& mask,
                             const MaskGrowingOptions& options, MaskGrowingWorkspace& ws) {
   const int w = depth.width(), h = depth.height();
-  DYNSLAM_ASSERT(seed.width() == w && barrier.width() == w && age.width() == w && mask.width() == w &&
-                     seed.height() == h && barrier.height() == h && age.height() == h && mask.height() == h,
-                 "all images have the size of the depth image");
+  DYNSLAM_ASSERT(
+      same_size(depth, seed) && same_size(depth, barrier) && same_size(depth, age) && same_size(depth, mask),
+      "all images have the size of the depth image");
   MaskGrowingResult result;
   remove_small(seed, options.min_seeds, ws.morphology);
   ws.seeds.clear();
@@ -81,12 +82,13 @@ MaskGrowingResult grow_mask(const D& depth, ImageView<std::uint8_t> seed, ImageV
       }
     }
   }
+  using S = typename D::Pixel;
+  const RelativeStep<S> step{static_cast<S>(options.step.base), static_cast<S>(options.step.quad)};
   RegionGrowingOptions growing;
   growing.max_region_fraction = options.max_fraction;
   growing.min_region_pixels = options.min_region;
   const auto grown =
-      grow_regions(depth, ImageView<const std::uint8_t>(barrier), std::span<const PixelIndex>(ws.seeds),
-                   options.step, growing, mask, ws.growing);
+      grow_regions(depth, barrier, std::span<const PixelIndex>(ws.seeds), step, growing, mask, ws.growing);
   result.regions_leaked = grown.regions_leaked + grown.regions_excess;
   // What touches the outside at a corner is not counted as inside: it more often is what is seen past a
   // mover.
@@ -100,7 +102,7 @@ MaskGrowingResult grow_mask(const D& depth, ImageView<std::uint8_t> seed, ImageV
     for (int u = 0; u < w; ++u) {
       if (label(u, v) == 0 || seed(u, v) == 0) continue;
       std::uint8_t& youngest = ws.region_age[label(u, v)];
-      youngest = std::min(youngest, age(u, v));
+      youngest = std::min(youngest, static_cast<std::uint8_t>(age(u, v)));
     }
   }
   for (int v = 0; v < h; ++v) {

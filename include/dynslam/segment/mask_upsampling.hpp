@@ -6,11 +6,13 @@
 #include <concepts>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/config.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/image/image.hpp"
+#include "dynslam/image/image_row.hpp"
 #include "dynslam/image/image_view.hpp"
 
 namespace dynslam {
@@ -30,7 +32,8 @@ namespace detail {
 enum class Zone : std::uint8_t { outside, rim, inside };
 
 /// Where pixels must be looked at one by one: in the cells at the rim of a region.
-inline void find_zones(ImageView<const std::uint8_t> cells, ImageView<std::uint8_t> zone) {
+template <LabelImage Cells>
+void find_zones(const Cells& cells, ImageView<std::uint8_t> zone) {
   const int w = cells.width(), h = cells.height();
   for (int j = 0; j < h; ++j) {
     for (int i = 0; i < w; ++i) {
@@ -49,17 +52,16 @@ inline void find_zones(ImageView<const std::uint8_t> cells, ImageView<std::uint8
 
 /// Whether a pixel of depth z in cell (i, j) belongs to the mask: as the neighbouring cell whose depth is
 /// most like its own; without depth as most of them.
-template <DepthImage D>
-[[nodiscard]] bool follows_mask(ImageView<const std::uint8_t> cells, const D& cell_depth, int i, int j,
-                                float z) {
+template <LabelImage Cells, DepthImage D>
+[[nodiscard]] bool follows_mask(const Cells& cells, const D& cell_depth, int i, int j, float z) {
   int on = 0, total = 0;
   float best = std::numeric_limits<float>::max();
-  std::uint8_t verdict = 0;
+  bool verdict = false;
   for (int y = std::max(0, j - 1); y <= std::min(cells.height() - 1, j + 1); ++y) {
     for (int x = std::max(0, i - 1); x <= std::min(cells.width() - 1, i + 1); ++x) {
-      const std::uint8_t cell = cells(x, y);
+      const bool cell = cells(x, y) != 0;
       ++total;
-      on += cell != 0 ? 1 : 0;
+      on += cell ? 1 : 0;
       const float difference = std::abs(static_cast<float>(cell_depth(x, y)) - z);
       if (difference < best) {
         best = difference;
@@ -67,7 +69,7 @@ template <DepthImage D>
       }
     }
   }
-  return is_valid_depth(z) ? verdict != 0 : 2 * on >= total;
+  return is_valid_depth(z) ? verdict : 2 * on >= total;
 }
 }  // namespace detail
 
@@ -78,23 +80,22 @@ template <DepthImage D>
 /// @param depth       of the pixels [m]
 /// @param mask        out: 255 or 0; the size of `depth`
 /// @param zone        memory, kept between calls
-template <DepthImage C, DepthImage D, PixelGrid G>
-void upsample_mask(ImageView<const std::uint8_t> cells, const C& cell_depth, const D& depth, const G& grid,
-                   ImageView<std::uint8_t> mask, Image<std::uint8_t>& zone) {
+template <LabelImage Cells, DepthImage C, DepthImage D, PixelGrid G, OutputLabelImage Mask>
+void upsample_mask(const Cells& cells, const C& cell_depth, const D& depth, const G& grid, Mask&& mask,
+                   Image<std::uint8_t>& zone) {
   const int w = cells.width(), h = cells.height();
   DYNSLAM_ASSERT(
       w == grid.width() && h == grid.height() && w == cell_depth.width() && h == cell_depth.height(),
       "cells and their depth have the grid's size");
-  DYNSLAM_ASSERT(mask.width() == depth.width() && mask.height() == depth.height(),
-                 "the mask has the size of the depth image");
+  DYNSLAM_ASSERT(same_size(mask, depth), "the mask has the size of the depth image");
   zone.resize(w, h);
   detail::find_zones(cells, zone.view());
   constexpr auto kOutside = static_cast<std::uint8_t>(detail::Zone::outside);
   constexpr auto kInside = static_cast<std::uint8_t>(detail::Zone::inside);
   const std::uint8_t* zones = zone.data();
   for (int v = 0; v < depth.height(); ++v) {
-    std::uint8_t* out = mask.row(v);
-    std::fill(out, out + mask.width(), std::uint8_t{0});
+    auto out = image_row(mask, v);
+    for (int u = 0; u < mask.width(); ++u) out[u] = 0;
     const auto rows = grid.rows(v);
     if (std::all_of(zones + rows.begin * w, zones + rows.end * w,
                     [](std::uint8_t z) { return z == kOutside; }))
@@ -104,7 +105,7 @@ void upsample_mask(ImageView<const std::uint8_t> cells, const C& cell_depth, con
       if (c < 0 || zones[c] == kOutside) continue;
       if (zones[c] == kInside ||
           detail::follows_mask(cells, cell_depth, c % w, c / w, static_cast<float>(depth(u, v))))
-        out[u] = 255;
+        out[u] = static_cast<typename std::remove_reference_t<Mask>::Pixel>(255);
     }
   }
 }
