@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynamics.hpp"
+
+using namespace dynslam;
+
+TEST_CASE_TEMPLATE("what moves is found in every kind of image alike", Kind, test::ViewKind, test::PlainKind,
+                   test::RowMajorKind, test::ColumnMajorKind) {
+  static double expected_share = 0;
+  static const auto expected =
+      test::segmenter_results<test::OwnedKind, Pinhole<float>>(Method::full, expected_share);
+  double share = 0;
+  test::check_same(test::segmenter_results<Kind, Pinhole<float>>(Method::full, share), expected, 0);
+  CHECK(share == expected_share);
+  test::check_same(test::weight_results<Kind, Pinhole<float>>(),
+                   test::weight_results<test::OwnedKind, Pinhole<float>>(), 0);
+}
+
+TEST_CASE_TEMPLATE("what moves is found through every camera, in float and double", Camera,
+                   DYNSLAM_CONFORMANCE_CAMERAS) {
+  double share = 0;
+  (void)test::segmenter_results<test::OwnedKind, Camera>(Method::full, share);
+  CHECK(share > 0.4);
+  const auto weights = test::weight_results<test::OwnedKind, Camera>();
+  double right = 0;
+  for (std::size_t i = 0; i < weights.size(); ++i) right += weights.value(i);
+  CHECK(right >= 0.95 * static_cast<double>(weights.size()));
+}

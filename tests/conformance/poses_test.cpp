@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Estimators of one pose.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "dynslam/optim/absolute_pose.hpp"
+#include "dynslam/optim/pose.hpp"
+#include "dynslam/optim/pose_consensus.hpp"
+#include "dynslam/optim/surface_weights.hpp"
+#include "dynslam/robust/kernels.hpp"
+#include "dynslam/robust/t_distribution.hpp"
+#include "scene.hpp"
+
+using namespace dynslam;
+using test::points;
+using test::pose_of;
+using test::put_pose;
+
+namespace {
+
+template <class Camera>
+std::vector<PoseObservation<typename Camera::ScalarType>> sights(const Camera& camera,
+                                                                 const SE3<typename Camera::ScalarType>& T) {
+  using S = typename Camera::ScalarType;
+  std::vector<PoseObservation<S>> all;
+  for (const auto& p : points()) {
+    PoseObservation<S> o;
+    o.p_w = p.cast<S>();
+    const Eigen::Matrix<S, 3, 1> p_c = T * o.p_w;
+    const auto x = camera.project(p_c);
+    REQUIRE(x.has_value());
+    o.x = *x;
+    if (all.size() % 8 == 0) o.x.y() += S(15);  // a wrong match
+    o.depth = p_c.z();
+    o.inv_sigma_z2 = S(400);
+    all.push_back(o);
+  }
+  return all;
+}
+
+template <class Camera>
+void poses(test::Record<double>& out) {
+  using S = typename Camera::ScalarType;
+  const auto camera = test::conformance_camera<Camera>();
+  const SE3<S> truth = pose_of(1).cast<S>(), start = pose_of(0.9).cast<S>();
+  const auto observations = sights(camera, truth);
+  const std::span<const PoseObservation<S>> view(observations);
+  PoseWorkspace<S> workspace;
+  const auto with = [&](const auto& kernel) {
+    const auto result = optimize_pose(camera, view, start, PoseOptions<S>{}, kernel, workspace);
+    out.put("optimize_pose.ok", result.ok());
+    out.put("optimize_pose.inliers", result.inliers);
+    put_pose(out, "optimize_pose", result.T_c_w);
+  };
+  with(TDistribution<S>(S(5)));
+  with(Tukey<S>());
+  put_pose(out, "optimize_pose.short", optimize_pose(camera, view, start).T_c_w);
+  std::vector<S> weights;
+  surface_weights<S>(test::kWidth, test::kHeight, start, view, {}, weights);
+  out.put("surface_weights",
+          weights.size() == view.size() && *std::min_element(weights.begin(), weights.end()) > 0);
+  PoseConsensusWorkspace consensus;
+  PoseConsensusOptions<S> few;
+  few.hypotheses = 40;
+  const std::array<SE3<S>, 1> others{SE3<S>()};
+  const auto agreed =
+      pose_consensus(camera, view, std::span<const S>(weights), start, others, few, consensus);
+  out.put("pose_consensus.inliers", agreed.inliers);
+  put_pose(out, "pose_consensus", agreed.T_c_w);
+  put_pose(out, "pose_consensus.short", pose_consensus(camera, view, start, few).T_c_w);
+  AbsolutePoseWorkspace absolute;
+  const auto found = absolute_pose(camera, view, AbsolutePoseOptions<S>{}, absolute);
+  out.put("absolute_pose.inliers", found.inliers);
+  put_pose(out, "absolute_pose", found.T_c_w);
+  put_pose(out, "absolute_pose.short", absolute_pose(camera, view).T_c_w);
+}
+
+template <class Camera>
+test::Record<double> camera_results() {
+  test::Record<double> out;
+  poses<Camera>(out);
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("one pose has the same answer with every camera, in float and double", Camera,
+                   DYNSLAM_CONFORMANCE_CAMERAS) {
+  static const auto expected = camera_results<Pinhole<double>>();
+  test::check_same(camera_results<Camera>(), expected, 3e-3);
+}
