@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
 
 namespace dynslam::app {
@@ -83,6 +84,7 @@ std::vector<CLI::ConfigItem> ConfigFile::from_config(std::istream& in) const {
     item.inputs = {std::string(unquote(trim(line.substr(equals + 1))))};
     result.push_back(std::move(item));
   }
+  if (in.bad()) throw runtime::InputError(file, 0, "cannot be read");
   return result;
 }
 
@@ -119,6 +121,9 @@ std::vector<std::string> arguments(int argc, const char* const* argv) {
       continue;
     }
     const auto end = word + (joined ? 1 : 2);
+    // CLI11 opens the file as a stream, which waits for pipes and takes an error of reading for the end.
+    const std::string name = joined ? word->substr(std::string_view("--config=").size()) : *(word + 1);
+    (void)runtime::read_file(name);
     config.insert(config.end(), word, end);
     word = words.erase(word, end);
   }

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
+#include "io/file_handle.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -36,9 +37,10 @@ class AtomicFile::Buffer : public std::streambuf {
   Buffer& operator=(const Buffer&) = delete;
 
   /// Writes and closes; 0 or the error.
-  int finish() {
+  int finish(OnDisk when) {
     sync();
-    if (error_ == 0 && ::fsync(file_) != 0 && errno != EINVAL && errno != EROFS) error_ = errno;
+    if (when == OnDisk::now && error_ == 0 && ::fsync(file_) != 0 && errno != EINVAL && errno != EROFS)
+      error_ = errno;
     close();
     return error_;
   }
@@ -90,13 +92,19 @@ AtomicFile::~AtomicFile() {
   fs::remove(temporary_, ignored);
 }
 
-void AtomicFile::commit() {
-  const int failure = buffer_->finish();
+void AtomicFile::commit(OnDisk when) {
+  const int failure = buffer_->finish(when);
   if (failure != 0 || !stream_) refuse(path_, failure != 0 ? failure : EIO);
   std::error_code error;
   fs::rename(temporary_, path_, error);
   if (error) refuse(path_, error.value());
   temporary_.clear();
+  if (when == OnDisk::now) sync_folder(path_.has_parent_path() ? path_.parent_path() : fs::path("."));
+}
+
+void sync_folder(const fs::path& folder) {
+  const FileHandle handle(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (handle) ::fsync(handle.get());  // what fails here is written all the same
 }
 
 void write_file(const fs::path& path, std::string_view content) {

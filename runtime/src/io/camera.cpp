@@ -5,11 +5,12 @@
 
 #include <array>
 #include <filesystem>
-#include <fstream>
 #include <map>
+#include <sstream>
 #include <string_view>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
 
 namespace dynslam::runtime {
@@ -56,6 +57,7 @@ CameraConfig parse_camera(std::istream& in, const std::string& file) {
     if (!number) throw InputError(file, reader.number(), fmt::format("'{}' is not a finite number", text));
     value[std::string(key)] = *number;
   }
+  if (in.bad()) throw InputError(file, 0, "cannot be read");
   for (const auto key : keys) {
     if (!value.contains(key)) throw InputError(file, 0, fmt::format("'{}' is missing", key));
   }
@@ -88,11 +90,12 @@ CameraConfig load_camera(const std::string& name_or_file) {
   if (name_or_file == "fr3") return make("fr3", {535.4, 539.2, 320.1, 247.6}, {0, 0, 0, 0, 0}, 5000);
   if (name_or_file.empty())
     throw UsageError("the camera is not known from the sequence: give --camera fr1|fr2|fr3|FILE");
-  std::ifstream in(name_or_file);
-  if (!in || std::filesystem::is_directory(name_or_file)) {
+  std::error_code error;
+  if (!std::filesystem::exists(name_or_file, error) || std::filesystem::is_directory(name_or_file, error)) {
     throw UsageError(
         fmt::format("unknown camera '{}': neither fr1, fr2, fr3 nor a readable file", name_or_file));
   }
+  std::istringstream in(read_file(name_or_file));
   return parse_camera(in, name_or_file);
 }
 

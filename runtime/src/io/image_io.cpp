@@ -1,15 +1,21 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "dynslam/runtime/io/image_io.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <fstream>
-#include <iterator>
+#include <limits>
 #include <opencv2/imgcodecs.hpp>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/atomic_file.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
+#include "io/jpeg_check.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -19,51 +25,93 @@ constexpr std::array<std::uint8_t, 8> kPngEnd{'I', 'E', 'N', 'D', 0xAE, 0x42, 0x
 constexpr std::array<std::uint8_t, 2> kJpegStart{0xFF, 0xD8};
 constexpr std::array<std::uint8_t, 2> kJpegEnd{0xFF, 0xD9};
 
+using Bytes = std::span<const std::uint8_t>;
+
 template <class Marker>
-bool starts_with(const std::vector<std::uint8_t>& bytes, const Marker& marker) {
+bool starts_with(Bytes bytes, const Marker& marker) {
   return bytes.size() >= marker.size() && std::equal(marker.begin(), marker.end(), bytes.begin());
 }
 
 /// Cameras and tools may append bytes behind the image, so the marker may stand a little before the end.
 template <class Marker>
-bool ends_with(const std::vector<std::uint8_t>& bytes, const Marker& marker) {
-  constexpr std::ptrdiff_t kSlack = 512;
-  const auto from = bytes.end() - std::min<std::ptrdiff_t>(kSlack, std::ssize(bytes));
-  return std::search(from, bytes.end(), marker.begin(), marker.end()) != bytes.end();
+bool ends_with(Bytes bytes, const Marker& marker) {
+  constexpr std::size_t kSlack = 512;
+  const Bytes tail = bytes.last(std::min(kSlack, bytes.size()));
+  return std::search(tail.begin(), tail.end(), marker.begin(), marker.end()) != tail.end();
+}
+
+/// Of the header IHDR, which is the first chunk of every PNG; 0 x 0 where it is none.
+cv::Size png_size(Bytes bytes) {
+  constexpr std::size_t kWidth = 16, kHeight = 20;
+  if (bytes.size() < kHeight + 4) return {};
+  const auto number = [&](std::size_t at) {
+    std::uint32_t value = 0;
+    for (std::size_t k = 0; k < 4; ++k) value = value << 8 | bytes[at + k];
+    return static_cast<int>(std::min<std::uint32_t>(value, std::numeric_limits<int>::max()));
+  };
+  return {number(kWidth), number(kHeight)};
+}
+
+Bytes bytes_of(const std::string& content) {
+  return {reinterpret_cast<const std::uint8_t*>(content.data()), content.size()};
 }
 
 }  // namespace
 
-cv::Mat read_image(const std::filesystem::path& path, int flags) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in || std::filesystem::is_directory(path)) throw InputError(path.string(), 0, "cannot be opened");
-  const std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+EncodedImage::EncodedImage(std::filesystem::path path) : path_(std::move(path)), content_(read_file(path_)) {
+  const auto refuse = [&](const std::string& reason) { throw InputError(path_.string(), 0, reason); };
+  const Bytes bytes = bytes_of(content_);
   const bool png = starts_with(bytes, kPngStart), jpeg = starts_with(bytes, kJpegStart);
-  if (bytes.empty()) throw InputError(path.string(), 0, "is empty");
-  if (!png && !jpeg) throw InputError(path.string(), 0, "is neither PNG nor JPEG");
-  if ((png && !ends_with(bytes, kPngEnd)) || (jpeg && !ends_with(bytes, kJpegEnd))) {
-    throw InputError(path.string(), 0, "is truncated");
+  if (bytes.empty()) refuse("is empty");
+  if (!png && !jpeg) refuse("is neither PNG nor JPEG");
+  if ((png && !ends_with(bytes, kPngEnd)) || (jpeg && !ends_with(bytes, kJpegEnd))) refuse("is truncated");
+  std::string fault;
+  if (png) {
+    size_ = png_size(bytes);
+  } else {
+    const JpegCheck check = check_jpeg(bytes, kLongestSide);
+    size_ = check.size;
+    fault = check.fault;
   }
+  if (std::max(size_.width, size_.height) > kLongestSide)
+    refuse(
+        fmt::format("is {}x{} pixels; at most {} a side are read", size_.width, size_.height, kLongestSide));
+  if (!fault.empty()) refuse("is damaged: " + fault);
+}
+
+cv::Mat EncodedImage::decode(int flags) const {
+  const Bytes bytes = bytes_of(content_);
   cv::Mat image;
   try {
     // Depth and masks know nothing of an EXIF orientation, by which OpenCV would turn the colours alone.
-    image = cv::imdecode(bytes, flags | cv::IMREAD_IGNORE_ORIENTATION);
+    const cv::Mat data(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<std::uint8_t*>(bytes.data()));
+    image = cv::imdecode(data, flags | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception&) {
     image.release();
   }
-  if (image.empty()) throw InputError(path.string(), 0, "cannot be decoded");
+  if (image.empty()) throw InputError(path_.string(), 0, "cannot be decoded");
   return image;
 }
 
+cv::Mat read_image(const std::filesystem::path& path, int flags) {
+  return EncodedImage(path).decode(flags);
+}
+
 void write_image(const std::filesystem::path& path, const cv::Mat& image) {
-  bool written = false;
+  std::vector<std::uint8_t> encoded;
+  bool done = false;
+  const std::vector<int> options =
+      path.extension() == ".png" ? std::vector<int>{cv::IMWRITE_PNG_COMPRESSION, 1} : std::vector<int>{};
   try {
-    written = path.extension() == ".png" ? cv::imwrite(path.string(), image, {cv::IMWRITE_PNG_COMPRESSION, 1})
-                                         : cv::imwrite(path.string(), image);
+    done = cv::imencode(path.extension().string(), image, encoded, options);
   } catch (const cv::Exception&) {
-    written = false;
+    done = false;
   }
-  if (!written) throw InputError(path.string(), 0, "cannot be written");
+  if (!done) throw InputError(path.string(), 0, "cannot be written: no such kind of image");
+  AtomicFile file(path);
+  file.stream().write(reinterpret_cast<const char*>(encoded.data()),
+                      static_cast<std::streamsize>(encoded.size()));
+  file.commit(OnDisk::eventually);  // thousands of masks: the system may take its time
 }
 
 }  // namespace dynslam::runtime

@@ -14,6 +14,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -113,6 +114,7 @@ std::unique_ptr<SemanticOcTree> load_map(const fs::path& path) {
   const auto fail = [&](const std::string& reason) -> InputError { return {path.string(), 0, reason}; };
   if (!fs::exists(path)) throw fail("does not exist");
   if (fs::is_directory(path)) throw fail("is a folder, not a map");
+  check_regular_file(path);
   std::ifstream in(path, std::ios::binary);
   if (!in) throw fail("cannot be opened");
   // Line by line, with a bound: a foreign file may have no line end at all.
@@ -147,6 +149,7 @@ std::unique_ptr<SemanticOcTree> load_map(const fs::path& path) {
   auto tree = std::make_unique<SemanticOcTree>(resolution);
   if (size > 0) {
     tree->readData(in);
+    if (in.bad()) throw fail("cannot be read");
     if (!in) throw fail("is cut short or corrupt");
   }
   if (tree->size() != size) throw fail(fmt::format("is corrupt: {} nodes instead of {}", tree->size(), size));

@@ -24,11 +24,12 @@ std::optional<Masks> MaskSource::read(const std::string& stamp, int width, int h
     ++missing_;
     return std::nullopt;
   }
-  const cv::Mat image = read_image(path, cv::IMREAD_UNCHANGED);
-  if (image.cols != width || image.rows != height) {
+  const EncodedImage file(path);
+  if (const cv::Size size = file.size(); size != cv::Size(width, height)) {
     throw InputError(path.string(), 0,
-                     fmt::format("is {}x{}, the images are {}x{}", image.cols, image.rows, width, height));
+                     fmt::format("is {}x{}, the images are {}x{}", size.width, size.height, width, height));
   }
+  const cv::Mat image = file.decode(cv::IMREAD_UNCHANGED);
   Masks masks;
   if (image.type() == CV_16UC1) {
     masks.instances = image;

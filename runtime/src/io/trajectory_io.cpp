@@ -5,10 +5,11 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
+#include <sstream>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
 
 namespace dynslam::runtime {
@@ -51,8 +52,7 @@ std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::s
 }
 
 std::vector<StampedPose<double>> read_trajectory(const std::filesystem::path& path) {
-  std::ifstream in(path);
-  if (!in || std::filesystem::is_directory(path)) throw InputError(path.string(), 0, "cannot be opened");
+  std::istringstream in(read_file(path));
   return parse_trajectory(in, path.string());
 }
 

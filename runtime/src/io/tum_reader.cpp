@@ -5,9 +5,10 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
+#include <new>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <sstream>
 #include <string_view>
 #include <utility>
 
@@ -15,6 +16,7 @@
 #include "dynslam/interop/opencv.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "threads/thread_priority.hpp"
@@ -36,8 +38,7 @@ void check_increasing(double previous, double t, const std::string& name, std::s
 }
 
 std::vector<ListEntry> read_list(const fs::path& path) {
-  std::ifstream in(path);
-  if (!in) throw InputError(path.string(), 0, "cannot be opened");
+  std::istringstream in(read_file(path));
   auto list = parse_list(in, path.string());
   if (list.empty()) throw InputError(path.string(), 0, "lists no images");
   return list;
@@ -73,6 +74,7 @@ std::vector<ListEntry> parse_list(std::istream& in, const std::string& name) {
     if (!list.empty()) check_increasing(list.back().t, t, name, reader.number());
     list.push_back({t, std::string(words[0]), std::string(words[1])});
   }
+  if (in.bad()) throw InputError(name, 0, "cannot be read");
   return list;
 }
 
@@ -96,6 +98,7 @@ std::vector<FrameRecord> parse_associations(std::istream& in, const std::string&
     record.depth = words[3];
     frames.push_back(std::move(record));
   }
+  if (in.bad()) throw InputError(name, 0, "cannot be read");
   return frames;
 }
 
@@ -104,8 +107,7 @@ Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
   Sequence sequence;
   sequence.root = root;
   if (const fs::path path = root / "associations.txt"; fs::exists(path)) {
-    std::ifstream in(path);
-    if (!in) throw InputError(path.string(), 0, "cannot be opened");
+    std::istringstream in(read_file(path));
     sequence.frames = parse_associations(in, path.string());
     if (sequence.frames.empty()) throw InputError(path.string(), 0, "lists no images");
   } else {
@@ -135,22 +137,22 @@ Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
 }
 
 RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const CameraConfig& camera) {
-  const auto check_size = [&](const cv::Mat& image, const fs::path& path) {
-    if (image.cols != camera.width || image.rows != camera.height) {
+  const auto decode = [&](const fs::path& path, int flags) {
+    const EncodedImage image(path);
+    if (const cv::Size size = image.size(); size != cv::Size(camera.width, camera.height)) {
       throw InputError(path.string(), 0,
-                       fmt::format("is {}x{}, the camera's images are {}x{}", image.cols, image.rows,
+                       fmt::format("is {}x{}, the camera's images are {}x{}", size.width, size.height,
                                    camera.width, camera.height));
     }
+    return image.decode(flags);
   };
   RgbdFrame frame;
   frame.index = index;
   frame.t = record.t_rgb;
   frame.depth_delay = record.t_depth - record.t_rgb;
   frame.stamp = record.stamp;
-  frame.bgr = read_image(record.rgb, cv::IMREAD_COLOR);
-  check_size(frame.bgr, record.rgb);
-  const cv::Mat raw = read_image(record.depth, cv::IMREAD_UNCHANGED);
-  check_size(raw, record.depth);
+  frame.bgr = decode(record.rgb, cv::IMREAD_COLOR);
+  const cv::Mat raw = decode(record.depth, cv::IMREAD_UNCHANGED);
   if (raw.type() != CV_16UC1)
     throw InputError(record.depth.string(), 0, "is not a 16-bit image of one channel");
   cv::cvtColor(frame.bgr, frame.gray, cv::COLOR_BGR2GRAY);
@@ -176,6 +178,9 @@ void FrameStream::decode(const std::stop_token& stop) {
     try {
       result.frame = decode_frame(frames_[i], i, camera_);
       if (options_.prepare) options_.prepare(*result.frame);
+    } catch (const std::bad_alloc&) {
+      result.error = frames_[i].rgb.string() + ": there is not enough memory to decode it";
+      result.frame.reset();
     } catch (const std::exception& error) {  // a broken frame is the reader's to judge, not the thread's
       result.error = error.what();
       result.frame.reset();

@@ -3,15 +3,17 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <fstream>
-#include <iterator>
 #include <optional>
 #include <set>
 #include <string_view>
 #include <utility>
 
+#include "dynslam/runtime/io/read_file.hpp"
+
 namespace dynslam::runtime {
 namespace {
+
+constexpr std::uint64_t kLongest = std::uint64_t(1) << 31;  // a protocol-buffer message is no longer
 
 // Field numbers of onnx.proto.
 constexpr std::uint64_t kModelGraph = 7, kModelMetadata = 14;
@@ -113,8 +115,7 @@ TensorInfo value_info(std::string_view message) {
 }  // namespace
 
 OnnxHeader read_onnx_header(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  const std::string content(std::istreambuf_iterator<char>(in), {});
+  const std::string content = read_file(file, kLongest);
   OnnxHeader header;
   for_each(content, kModelMetadata, [&](const Fields::Field& f) {
     header.metadata[text_of(f.bytes, kKey)] = text_of(f.bytes, kValue);

@@ -9,6 +9,10 @@
 
 namespace dynslam::runtime {
 
+/// When what commit() gives a name to is on the disk: by the time it returns, or when the system writes it. A
+/// killed program loses nothing either way; a machine without power may.
+enum class OnDisk { now, eventually };
+
 /// A file that others see whole or not at all: what is written goes to a temporary file beside it, which
 /// takes its place in commit(). The temporary has a name that no other process or thread uses and is never
 /// opened through a link, so several writers of one file disturb neither each other nor a reader; the last
@@ -24,7 +28,7 @@ class AtomicFile {
   [[nodiscard]] std::ostream& stream() { return stream_; }
   /// Brings everything to the disk and the file to its name. Call it once. @throws InputError like the
   /// constructor
-  void commit();
+  void commit(OnDisk when = OnDisk::now);
 
  private:
   class Buffer;
@@ -35,6 +39,9 @@ class AtomicFile {
 
 /// Writes a whole file through AtomicFile. @throws InputError
 void write_file(const std::filesystem::path& path, std::string_view content);
+
+/// Brings the names in a folder to the disk, as far as its file system does that.
+void sync_folder(const std::filesystem::path& folder);
 
 /// PATH.<something>.<suffix> that nothing has, for a temporary file or folder beside `path`.
 [[nodiscard]] std::filesystem::path unused_name_beside(const std::filesystem::path& path,

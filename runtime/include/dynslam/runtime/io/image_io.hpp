@@ -3,16 +3,37 @@
 
 #include <filesystem>
 #include <opencv2/core.hpp>
+#include <string>
 
 namespace dynslam::runtime {
 
-/// Decodes a PNG or JPEG file, complete or not at all: OpenCV returns half a picture for a truncated
-/// file without a word, so the end marker of the format is checked first.
+/// Longest side of an image [px], as of a camera's. A file of a few kilobytes may promise more than any
+/// memory.
+inline constexpr int kLongestSide = 8192;
+
+/// A PNG or JPEG file, read and complete: OpenCV returns half a picture for a truncated or damaged file
+/// without a word, so the end marker of the format is checked first, and a JPEG's whole data.
+class EncodedImage {
+ public:
+  /// @throws InputError naming the file
+  explicit EncodedImage(std::filesystem::path path);
+  [[nodiscard]] cv::Size size() const { return size_; }
+  /// @param flags  cv::ImreadModes @throws InputError naming the file
+  [[nodiscard]] cv::Mat decode(int flags) const;
+
+ private:
+  std::filesystem::path path_;
+  std::string content_;
+  cv::Size size_;
+};
+
+/// Decodes a PNG or JPEG file, complete or not at all.
 /// @param flags  cv::ImreadModes
 /// @throws InputError naming the file
 [[nodiscard]] cv::Mat read_image(const std::filesystem::path& path, int flags);
 
-/// Writes an image by the extension of `path` (PNG: fast compression). @throws InputError
+/// Writes an image by the extension of `path` (PNG: fast compression), whole or not at all. @throws
+/// InputError
 void write_image(const std::filesystem::path& path, const cv::Mat& image);
 
 }  // namespace dynslam::runtime
