@@ -36,6 +36,8 @@ extern "C" void request_stop(int signal) {
 void stop_on_signals() {
   std::signal(SIGINT, request_stop);
   std::signal(SIGTERM, request_stop);
+  // A terminal that is closed; with nohup the signal stays ignored.
+  if (std::signal(SIGHUP, request_stop) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);
 }
 
 std::string describe(const rt::Progress& p) {
@@ -96,6 +98,14 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
   app.add_option("--loops", o.tracker.close_loops, "Close loops")->capture_default_str();
   app.add_option("--load-map", o.load_map, "Go on in the map that an earlier run saved in this folder");
   app.add_option("--save-map", o.save_map, "Save the map in this folder, for --load-map");
+  app.add_option("--save-every", o.save_every,
+                 "Seconds after which trajectory and summary so far are written again, 0.1 to 3600")
+      ->capture_default_str()
+      ->check(number_in(0.1, 3600));
+  app.add_option("--max-broken", o.max_broken,
+                 "Share of broken frames with which a run still succeeds, 0 to 1")
+      ->capture_default_str()
+      ->check(number_in(0, 1));
   app.add_option("--max-frames", o.max_frames, "Stop after so many frames (0: all)")
       ->capture_default_str()
       ->check(whole());

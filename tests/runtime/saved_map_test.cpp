@@ -4,6 +4,8 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <fstream>
 #include <iterator>
 #include <string>
@@ -15,13 +17,13 @@
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/slam/pipeline.hpp"
 #include "dynslam/runtime/synth/synth.hpp"
+#include "office.hpp"
 #include "random.hpp"
-#include "run_fixture.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
 namespace fs = std::filesystem;
-using test::bytes, test::kNeverStop;
+using test::bytes, test::kNeverStop, test::Office, test::office;
 
 namespace {
 
@@ -29,35 +31,8 @@ void write(const fs::path& path, const std::string& content) {
   std::ofstream(path, std::ios::binary) << content;
 }
 
-/// 40 frames of an empty office and the map of the first 20 of them, made once.
-struct Office {
-  test::TemporaryFolder folder;
-  fs::path sequence = folder.path / "sequence", map = folder.path / "map";
-  Office() {
-    SynthOptions synth;
-    synth.frames = 40;
-    synth.scenario = "empty";
-    synth.path = "xyz";
-    synthesize(synth, sequence);
-    (void)run_sequence(options("first", 20, {}, map), kNeverStop);
-  }
-  [[nodiscard]] RunOptions options(const char* out, std::size_t frames, const fs::path& load,
-                                   const fs::path& save) const {
-    RunOptions o;
-    o.sequence = sequence;
-    o.out = folder.path / out;
-    o.dynamics = DynamicsMode::geometric;
-    o.max_frames = frames;
-    o.load_map = load;
-    o.save_map = save;
-    return o;
-  }
-  [[nodiscard]] CameraConfig camera() const { return load_camera((sequence / "camera.txt").string()); }
-};
-
-const Office& office() {
-  static const Office made;
-  return made;
+bool mentions(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
 }
 
 std::string complaint(const fs::path& folder) {
@@ -161,6 +136,81 @@ TEST_CASE("a damaged, foreign or missing map is refused in one line, and nothing
   write(precious.path / "letter.txt", "dear");
   CHECK_THROWS_WITH_AS(check_map_folder(precious.path), doctest::Contains("would be replaced"), InputError);
   CHECK(bytes(precious.path / "letter.txt") == "dear");
+}
+
+TEST_CASE("ids, levels and octaves out of bounds are refused where the check sum fits") {
+  const Office& o = office();
+  const LocalMap good = load_slam_map(o.map, o.camera());
+  const test::TemporaryFolder folder;
+  const fs::path target = folder.path / "map";
+  const auto complaint_of = [&](auto&& damage) {
+    LocalMap map = good;
+    damage(map);
+    save_slam_map(map, o.camera(), nullptr, target);
+    return complaint(target);
+  };
+  const auto first_good = [](LocalMap& map) -> runtime::MapPoint& {
+    return *std::find_if(map.points().begin(), map.points().end(),
+                         [](const runtime::MapPoint& p) { return !p.bad; });
+  };
+  CHECK(complaint_of([](LocalMap&) {}).empty());
+  CHECK(mentions(complaint_of([](LocalMap& m) { m.keyframe(0).frame.features[3].octave = 8; }), "feature"));
+  CHECK(mentions(complaint_of([](LocalMap& m) { m.keyframe(0).frame.features[3].x = 1e30F; }), "feature"));
+  CHECK(mentions(complaint_of([&](LocalMap& m) { first_good(m).reference_octave = 1 << 30; }), "map point"));
+  CHECK(mentions(complaint_of([&](LocalMap& m) { first_good(m).reference_octave = -1; }), "map point"));
+  CHECK(mentions(complaint_of([&](LocalMap& m) { first_good(m).patch.level = 8; }), "patch"));
+  CHECK(mentions(complaint_of([&](LocalMap& m) { first_good(m).keyframes = {1 << 20}; }), "map point"));
+}
+
+TEST_CASE("merge chains are followed once each, and circles found") {
+  const Office& o = office();
+  LocalMap map = load_slam_map(o.map, o.camera());
+  const test::TemporaryFolder folder;
+  constexpr int kLinks = 200000;  // quadratic: minutes
+  const int first = static_cast<int>(map.points().size());
+  for (int k = 0; k < kLinks; ++k) {
+    runtime::MapPoint p;
+    p.bad = true;
+    p.merged_into = k + 1 < kLinks ? first + k + 1 : 0;
+    map.add_point(p);
+  }
+  save_slam_map(map, o.camera(), nullptr, folder.path / "chain");
+  CHECK(complaint(folder.path / "chain").empty());
+  map.point(first + kLinks - 1).merged_into = first + kLinks / 2;
+  save_slam_map(map, o.camera(), nullptr, folder.path / "circle");
+  CHECK(mentions(complaint(folder.path / "circle"), "go in circles"));
+}
+
+TEST_CASE("scans of another map are refused, and an octree without its scans") {
+  const Office& o = office();
+  const test::TemporaryFolder folder;
+  const fs::path mixed = folder.path / "mixed";
+  // Another saved state of the same room: the keyframes alone differ.
+  save_slam_map(
+      [&] {
+        LocalMap map = load_slam_map(o.map, o.camera());
+        map.keyframe(0).frame.index += 1;
+        return map;
+      }(),
+      o.camera(), nullptr, mixed);
+  fs::copy_file(o.map / "scans.bin", mixed / "scans.bin");
+  RunOptions options = o.options("mixed_out", 2, mixed, {});
+  CHECK_THROWS_WITH_AS((void)run_sequence(options, kNeverStop),
+                       doctest::Contains("scans.bin: belongs to other keyframes"), InputError);
+  fs::remove(mixed / "scans.bin");
+  fs::copy_file(o.map / "map.ot", mixed / "map.ot");
+  CHECK(mentions(complaint(mixed), "not the scans that it was made of"));
+}
+
+TEST_CASE("a scan of a keyframe that the map has not is refused") {
+  const Office& o = office();
+  std::uint64_t id = 0;
+  const LocalMap map = load_slam_map(o.map, o.camera(), &id);
+  SemanticMapper mapper(o.camera().model, o.camera().width, o.camera().height, {});
+  const int keyframes = static_cast<int>(map.keyframes().size());
+  CHECK_THROWS_WITH_AS((void)mapper.load_scans(o.map / "scans.bin", {id, keyframes - 1}),
+                       doctest::Contains("not in the map"), InputError);
+  CHECK(mapper.load_scans(o.map / "scans.bin", {id, keyframes}).size() == map.keyframes().size());
 }
 
 TEST_CASE("who never finds himself in a map is told so") {

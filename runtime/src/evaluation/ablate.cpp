@@ -208,6 +208,8 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
     const std::string name(to_string(mode));
     run.dynamics = mode;
     run.out = options.out / name;
+    // Each mode goes on from the same map, and saves its own.
+    if (!options.save_map.empty()) run.save_map = options.save_map / name;
     AblationRow row;
     row.mode = mode;
     row.run = run_sequence(run, stop, [&](const Progress& p) {

@@ -3,10 +3,10 @@
 
 #include <fmt/format.h>
 
-#include <fstream>
-#include <iterator>
+#include <limits>
 
 #include "dynslam/runtime/io/atomic_file.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -19,36 +19,38 @@ std::uint64_t hash_of(std::string_view bytes) {
 
 }  // namespace
 
-void write_binary(const std::filesystem::path& path, std::string_view magic, std::uint32_t version,
-                  const BinaryWriter& content) {
+std::uint64_t write_binary(const std::filesystem::path& path, std::string_view magic, std::uint32_t version,
+                           const BinaryWriter& content) {
+  const std::uint64_t hash = hash_of(content.bytes());
   BinaryWriter head;
   head.put(version);
   head.put(static_cast<std::uint64_t>(content.bytes().size()));
-  head.put(hash_of(content.bytes()));
+  head.put(hash);
   AtomicFile file(path);
   file.stream() << magic << '\n' << head.bytes() << content.bytes();
   file.commit();
+  return hash;
 }
 
-BinaryReader read_binary(const std::filesystem::path& path, std::string_view magic, std::uint32_t version) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw InputError(path.string(), 0, "cannot be opened");
-  std::string bytes(std::istreambuf_iterator<char>(in), {});
+BinaryReader read_binary(const std::filesystem::path& path, std::string_view magic, std::uint32_t version,
+                         std::uint32_t oldest) {
+  // A map is as large as it is: its own size bounds it, once it has shown that it is one.
+  std::string bytes = read_file(path, std::numeric_limits<std::uint64_t>::max());
+  const auto refuse = [&](const std::string& reason) { throw InputError(path.string(), 0, reason); };
   const std::size_t head = magic.size() + 1;
   constexpr std::size_t kNumbers = 4 + 8 + 8;
-  if (bytes.compare(0, head, std::string(magic) + '\n') != 0)
-    throw InputError(path.string(), 0, fmt::format("is not a {} file", magic));
-  if (bytes.size() < head + kNumbers) throw InputError(path.string(), 0, "is truncated");
+  if (bytes.compare(0, head, std::string(magic) + '\n') != 0) refuse(fmt::format("is not a {} file", magic));
+  if (bytes.size() < head + kNumbers) refuse("is truncated");
   BinaryReader numbers(bytes.substr(head, kNumbers), path);
-  if (const auto found = numbers.get<std::uint32_t>(); found != version)
-    throw InputError(path.string(), 0,
-                     fmt::format("has version {}; this program reads version {}", found, version));
+  const auto found = numbers.get<std::uint32_t>();
+  if (found < oldest || found > version)
+    refuse(fmt::format("has version {}; this program reads version {}{}", found,
+                       oldest < version ? fmt::format("{} to ", oldest) : "", version));
   const auto size = numbers.get<std::uint64_t>(), hash = numbers.get<std::uint64_t>();
-  bytes.erase(0, head + kNumbers);
-  if (bytes.size() != size)
-    throw InputError(path.string(), 0, bytes.size() < size ? "is truncated" : "is longer than it says");
-  if (hash_of(bytes) != hash) throw InputError(path.string(), 0, "is corrupt: its check sum differs");
-  return BinaryReader(std::move(bytes), path);
+  const std::string_view content = std::string_view(bytes).substr(head + kNumbers);
+  if (content.size() != size) refuse(content.size() < size ? "is truncated" : "is longer than it says");
+  if (hash_of(content) != hash) refuse("is corrupt: its check sum differs");
+  return BinaryReader(std::move(bytes), path, head + kNumbers, found, hash);
 }
 
 }  // namespace dynslam::runtime

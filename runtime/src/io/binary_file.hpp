@@ -43,6 +43,8 @@ class BinaryWriter {
     put(static_cast<std::uint64_t>(text.size()));
     bytes_.append(text);
   }
+  /// Without their number.
+  void put_bytes(std::string_view bytes) { bytes_.append(bytes); }
   [[nodiscard]] const std::string& bytes() const { return bytes_; }
 
  private:
@@ -52,8 +54,14 @@ class BinaryWriter {
 /// Reads what BinaryWriter wrote; whatever does not fit is an InputError that names the file.
 class BinaryReader {
  public:
-  BinaryReader(std::string bytes, std::filesystem::path path)
-      : bytes_(std::move(bytes)), path_(std::move(path)) {}
+  /// @param at  where the content begins in `bytes`
+  BinaryReader(std::string bytes, std::filesystem::path path, std::size_t at = 0, std::uint32_t version = 0,
+               std::uint64_t hash = 0)
+      : bytes_(std::move(bytes)), path_(std::move(path)), at_(at), version_(version), hash_(hash) {}
+
+  [[nodiscard]] std::uint32_t version() const { return version_; }
+  /// Check sum of the content.
+  [[nodiscard]] std::uint64_t hash() const { return hash_; }
 
   template <class T>
   [[nodiscard]] T get() {
@@ -96,6 +104,8 @@ class BinaryReader {
     return static_cast<std::size_t>(n);
   }
   void finish() const { require(at_ == bytes_.size(), "is longer than what it holds"); }
+  /// What is not read yet.
+  [[nodiscard]] std::string_view rest() const { return std::string_view(bytes_).substr(at_); }
   void require(bool condition, const char* reason) const {
     if (!condition) throw InputError(path_.string(), 0, reason);
   }
@@ -104,14 +114,17 @@ class BinaryReader {
   std::string bytes_;
   std::filesystem::path path_;
   std::size_t at_ = 0;
+  std::uint32_t version_ = 0;
+  std::uint64_t hash_ = 0;
 };
 
-/// @throws InputError when the file cannot be written
-void write_binary(const std::filesystem::path& path, std::string_view magic, std::uint32_t version,
-                  const BinaryWriter& content);
-/// @throws InputError naming the file: missing, of another kind or version, truncated, or with a wrong check
-/// sum
+/// @return the content's check sum @throws InputError when the file cannot be written
+std::uint64_t write_binary(const std::filesystem::path& path, std::string_view magic, std::uint32_t version,
+                           const BinaryWriter& content);
+/// @param oldest  version that is read, too
+/// @throws InputError naming the file: missing, no regular file, of another kind or version, truncated, or
+/// with a wrong check sum
 [[nodiscard]] BinaryReader read_binary(const std::filesystem::path& path, std::string_view magic,
-                                       std::uint32_t version);
+                                       std::uint32_t version, std::uint32_t oldest);
 
 }  // namespace dynslam::runtime

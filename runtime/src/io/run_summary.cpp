@@ -61,7 +61,8 @@ std::string summary_json(const RunOptions& options, const CameraConfig& camera, 
       {"opencv", CV_VERSION},
       {"eigen", fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
       {"compiler", __VERSION__}};
-  return j.dump(2) + "\n";
+  // Names of files are bytes; JSON has text alone.
+  return j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace dynslam::runtime

@@ -2,13 +2,18 @@
 #include "dynslam/runtime/io/saved_map.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include "dynslam/runtime/io/atomic_file.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
+#include "dynslam/runtime/slam/feature_extractor.hpp"
 #include "io/binary_file.hpp"
+#include "io/folder_draft.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -17,32 +22,15 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kMagic = "dynslam keyframes";
 constexpr std::uint32_t kVersion = 1;
-constexpr int kMaxOctave = 31;
+constexpr int kMaxOctave = FeatureOptions{}.levels - 1;
+constexpr float kFarPixel = 1e6F;  // a lens puts the corners of no image further out
+
+constexpr const char *kKeyframes = "keyframes.bin", *kScans = "scans.bin", *kOctree = "map.ot";
+constexpr std::array<std::string_view, 3> kMapFiles{kKeyframes, kScans, kOctree};
 
 // What is written as a block of memory.
 static_assert(std::is_trivially_copyable_v<Feature> && sizeof(Feature) == 32);
 static_assert(std::is_trivially_copyable_v<Descriptor> && sizeof(Descriptor) == 32);
-
-/// A folder of its own beside another one, gone with the object. What another run left there is not touched.
-class TemporaryFolder {
- public:
-  explicit TemporaryFolder(const fs::path& beside) : path_(unused_name_beside(beside, "partial")) {
-    std::error_code error;
-    if (path_.has_parent_path()) fs::create_directories(path_.parent_path(), error);
-    if (!error) fs::create_directory(path_, error);
-    if (error) throw InputError(beside.string(), 0, "cannot be made a folder: " + error.message());
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  [[nodiscard]] const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
 
 void put(BinaryWriter& out, const CameraConfig& camera) {
   const auto& pinhole = camera.model.pinhole();
@@ -110,8 +98,8 @@ Keyframe get_keyframe(BinaryReader& in, int id, int count, int points, const Cam
              "holds a keyframe that contradicts itself");
   for (std::size_t i = 0; i < n; ++i) {
     const Feature& f = k.frame.features[i];
-    in.require(std::isfinite(f.x) && std::isfinite(f.y) && std::isfinite(f.depth) && f.sigma > 0 &&
-                   f.octave >= 0 && f.octave <= kMaxOctave && k.frame.point[i] >= -1 &&
+    in.require(std::abs(f.x) < kFarPixel && std::abs(f.y) < kFarPixel && std::isfinite(f.depth) &&
+                   f.sigma > 0 && f.octave >= 0 && f.octave <= kMaxOctave && k.frame.point[i] >= -1 &&
                    k.frame.point[i] < points,
                "holds a feature that cannot be");
   }
@@ -152,37 +140,43 @@ MapPoint get_point(BinaryReader& in, int keyframes, int points) {
   in.get(p.keyframes);
   in.require(
       std::all_of(p.keyframes.begin(), p.keyframes.end(), [&](int k) { return k >= 0 && k < keyframes; }) &&
-          !p.keyframes.empty() && p.reference_distance > 0,
+          !p.keyframes.empty() && p.reference_distance > 0 && std::isfinite(p.reference_distance) &&
+          p.reference_octave >= 0 && p.reference_octave <= kMaxOctave && p.information >= 0 &&
+          std::isfinite(p.information) && p.visible >= 0 && p.found >= 0 && p.on_mover >= 0,
       "holds a map point that contradicts itself");
   return p;
 }
 
-/// Puts a folder in the place of another one, which stays where that fails.
-void replace_folder(const fs::path& from, const fs::path& to) {
-  std::error_code error, ignored;
-  const fs::path old = unused_name_beside(to, "old");
-  const bool there = fs::exists(to);
-  if (there) fs::rename(to, old, error);
-  if (!error) {
-    fs::rename(from, to, error);
-    if (error && there) fs::rename(old, to, ignored);
+/// Whether chains of references end. Each link is followed once.
+/// @param next  of an index; < 0: the end
+template <class Next>
+bool chains_end(std::size_t count, Next&& next) {
+  std::vector<bool> ends(count, false);
+  std::vector<std::size_t> chain;
+  for (std::size_t i = 0; i < count; ++i) {
+    chain.clear();
+    for (int at = static_cast<int>(i); at >= 0 && !ends[static_cast<std::size_t>(at)];
+         at = next(static_cast<std::size_t>(at))) {
+      chain.push_back(static_cast<std::size_t>(at));
+      if (chain.size() > count) return false;
+    }
+    for (const std::size_t k : chain) ends[k] = true;
   }
-  if (error) throw InputError(to.string(), 0, "cannot be written: " + error.message());
-  if (there) fs::remove_all(old, ignored);
+  return true;
 }
 
 }  // namespace
 
 void check_map_folder(const fs::path& folder) {
   std::error_code error;
-  if (fs::exists(folder) &&
-      !(fs::is_directory(folder) && (fs::is_empty(folder, error) || fs::exists(folder / "keyframes.bin"))))
+  if (restore_folder(folder, kMapFiles) &&
+      !(fs::is_directory(folder) && (fs::is_empty(folder, error) || fs::exists(folder / kKeyframes))))
     throw InputError(folder.string(), 0, "is not a saved map and would be replaced");
-  const TemporaryFolder probe(folder);  // tells now what would fail at the end
+  const FolderDraft probe(folder, kMapFiles);  // tells now what would fail at the end
 }
 
 void save_slam_map(const LocalMap& map, const CameraConfig& camera, const SemanticMapper* mapper,
-                   const fs::path& folder) {
+                   const fs::path& folder, const SavedScans& otherwise) {
   check_map_folder(folder);
   BinaryWriter out;
   put(out, camera);
@@ -190,18 +184,27 @@ void save_slam_map(const LocalMap& map, const CameraConfig& camera, const Semant
   out.put(static_cast<std::uint64_t>(map.points().size()));
   for (const Keyframe& k : map.keyframes()) put(out, k);
   for (const MapPoint& p : map.points()) put(out, p);
-  const TemporaryFolder partial(folder);
-  write_binary(partial.path() / "keyframes.bin", kMagic, kVersion, out);
+  FolderDraft draft(folder, kMapFiles);
+  const std::uint64_t id = write_binary(draft.path() / kKeyframes, kMagic, kVersion, out);
   if (mapper != nullptr) {
-    mapper->save_scans(partial.path() / "scans.bin");
-    mapper->save(partial.path() / "map.ot");
+    mapper->save_scans(draft.path() / kScans, id);
+    mapper->save(draft.path() / kOctree);
+  } else if (!otherwise.folder.empty() && fs::exists(otherwise.folder / kScans)) {
+    copy_scans(otherwise.folder / kScans, otherwise.map_id, draft.path() / kScans, id);
+    if (fs::exists(otherwise.folder / kOctree))
+      write_file(draft.path() / kOctree,
+                 read_file(otherwise.folder / kOctree, std::numeric_limits<std::uint64_t>::max()));
   }
-  replace_folder(partial.path(), folder);
+  draft.publish();
+  clear_leftovers(folder, kMapFiles);
 }
 
-LocalMap load_slam_map(const fs::path& folder, const CameraConfig& camera) {
-  if (!fs::is_directory(folder)) throw InputError(folder.string(), 0, "is not a folder with a saved map");
-  BinaryReader in = read_binary(folder / "keyframes.bin", kMagic, kVersion);
+LocalMap load_slam_map(const fs::path& folder, const CameraConfig& camera, std::uint64_t* map_id) {
+  if (!restore_folder(folder, kMapFiles) || !fs::is_directory(folder))
+    throw InputError(folder.string(), 0, "is not a folder with a saved map");
+  BinaryReader in = read_binary(folder / kKeyframes, kMagic, kVersion, kVersion);
+  in.require(fs::exists(folder / kScans) || !fs::exists(folder / kOctree),
+             "has an octree beside it, but not the scans that it was made of (scans.bin)");
   BinaryWriter expected;
   put(expected, camera);
   for (const char c : expected.bytes())
@@ -216,21 +219,13 @@ LocalMap load_slam_map(const fs::path& folder, const CameraConfig& camera) {
   for (std::size_t p = 0; p < points; ++p)
     all_points.push_back(get_point(in, static_cast<int>(keyframes), static_cast<int>(points)));
   in.finish();
-  // Chains of culled keyframes and of merged points must end.
-  const auto ends = [](std::size_t n, auto&& next) {
-    for (std::size_t i = 0; i < n; ++i) {
-      std::size_t steps = 0;
-      for (int at = static_cast<int>(i); at >= 0; at = next(static_cast<std::size_t>(at))) {
-        if (++steps > n) return false;
-      }
-    }
-    return true;
-  };
   in.require(!all_keyframes.empty() && !all_keyframes[0].culled(), "holds no keyframe");
   in.require(
-      ends(keyframes, [&](std::size_t k) { return all_keyframes[k].parent; }) &&
-          ends(points, [&](std::size_t p) { return all_points[p].bad ? all_points[p].merged_into : -1; }),
+      chains_end(keyframes, [&](std::size_t k) { return all_keyframes[k].parent; }) &&
+          chains_end(points,
+                     [&](std::size_t p) { return all_points[p].bad ? all_points[p].merged_into : -1; }),
       "holds references that go in circles");
+  if (map_id != nullptr) *map_id = in.hash();
   return LocalMap(std::move(all_keyframes), std::move(all_points));
 }
 

@@ -25,8 +25,9 @@ RunMap::RunMap(const CameraConfig& camera, double resolution)
       mapper_(camera.model, camera.width, camera.height, mapper_options(resolution)),
       margin_(cv::getStructuringElement(cv::MORPH_RECT, {2 * kMaskMargin + 1, 2 * kMaskMargin + 1})) {}
 
-void RunMap::load(const std::filesystem::path& folder) {
-  if (std::filesystem::exists(folder / "scans.bin")) mapped_ = mapper_.load_scans(folder / "scans.bin");
+void RunMap::load(const std::filesystem::path& folder, const ScanOwner& owner) {
+  if (std::filesystem::exists(folder / "scans.bin"))
+    mapped_ = mapper_.load_scans(folder / "scans.bin", owner);
 }
 
 void RunMap::insert(const TrackResult& result, const RgbdFrame& frame, const std::optional<Masks>& prior) {
@@ -50,7 +51,6 @@ void RunMap::follow(const LocalMap& map) {
 }
 
 void RunMap::save(const std::filesystem::path& out) {
-  mapper_.finish();
   mapper_.save(out / "map.ot");
   export_map(mapper_.tree(), out / "map_color.ot");
 }

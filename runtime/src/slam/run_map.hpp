@@ -23,12 +23,15 @@ class RunMap {
   RunMap(const CameraConfig& camera, double resolution);
 
   /// Starts from the scans of an earlier run's folder, where it has some. @throws InputError
-  void load(const std::filesystem::path& folder);
+  void load(const std::filesystem::path& folder, const ScanOwner& owner);
   /// Adds a keyframe. @throws what the mapper's thread met
   void insert(const TrackResult& result, const RgbdFrame& frame, const std::optional<Masks>& prior);
   /// Has the octree made again where a correction of the poses (a loop, bundle adjustment) is worth it.
   void follow(const LocalMap& map);
-  /// Writes map.ot, and map_color.ot for octovis, which knows no labels. @throws InputError
+  /// Waits until everything is in the tree. @throws what the mapper's thread met
+  void finish() { mapper_.finish(); }
+  /// Writes map.ot, and map_color.ot for octovis, which knows no labels. Call finish() first.
+  /// @throws InputError
   void save(const std::filesystem::path& out);
 
   [[nodiscard]] const SemanticMapper& mapper() const { return mapper_; }

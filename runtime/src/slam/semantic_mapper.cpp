@@ -21,8 +21,17 @@ namespace dynslam::runtime {
 namespace {
 
 constexpr std::string_view kMagic = "dynslam scans";
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;  // 1 did not name the keyframes that the scans belong to
+constexpr std::uint32_t kUnnamed = 1;
 static_assert(static_cast<int>(Label::person) == MapScanOptions{}.mover_label);
+
+/// @return the file behind its name for the keyframes
+BinaryReader open_scans(const std::filesystem::path& path, std::uint64_t map_id) {
+  BinaryReader in = read_binary(path, kMagic, kVersion, kUnnamed);
+  in.require(in.version() == kUnnamed || in.get<std::uint64_t>() == map_id,
+             "belongs to other keyframes than those beside it");
+  return in;
+}
 
 }  // namespace
 
@@ -108,13 +117,15 @@ void SemanticMapper::run(Scans& scans) {
   scans_.insert(scans_.end(), std::make_move_iterator(scans.begin()), std::make_move_iterator(scans.end()));
 }
 
-std::vector<std::pair<int, SE3<double>>> SemanticMapper::load_scans(const std::filesystem::path& path) {
-  BinaryReader in = read_binary(path, kMagic, kVersion);
+std::vector<std::pair<int, SE3<double>>> SemanticMapper::load_scans(const std::filesystem::path& path,
+                                                                    const ScanOwner& owner) {
+  BinaryReader in = open_scans(path, owner.map_id);
   Scans scans;
   Poses poses;
   const std::size_t n = in.count(16);
   for (std::size_t k = 0; k < n; ++k) {
     const int id = in.get<std::int32_t>();
+    in.require(id >= 0 && id < owner.keyframes, "holds a scan of a keyframe that is not in the map");
     const auto T_w_c = in.get<SE3<double>>();
     scans.push_back({id, T_w_c, read_scan(in, scanner_.samples())});
     poses.emplace_back(id, T_w_c);
@@ -124,8 +135,18 @@ std::vector<std::pair<int, SE3<double>>> SemanticMapper::load_scans(const std::f
   return poses;
 }
 
-void SemanticMapper::save_scans(const std::filesystem::path& path) const {
+void copy_scans(const std::filesystem::path& from, std::uint64_t from_id, const std::filesystem::path& to,
+                std::uint64_t to_id) {
+  const BinaryReader in = open_scans(from, from_id);
   BinaryWriter out;
+  out.put(to_id);
+  out.put_bytes(in.rest());
+  write_binary(to, kMagic, kVersion, out);
+}
+
+void SemanticMapper::save_scans(const std::filesystem::path& path, std::uint64_t map_id) const {
+  BinaryWriter out;
+  out.put(map_id);
   out.put(static_cast<std::uint64_t>(scans_.size()));
   for (const Retained& keyframe : scans_) {
     out.put(static_cast<std::int32_t>(keyframe.id));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 
 #include "dynslam/runtime/io/camera.hpp"
@@ -9,18 +10,28 @@
 
 namespace dynslam::runtime {
 
+/// Scans that were saved before, for a map that is saved by a run which builds no octree.
+struct SavedScans {
+  std::filesystem::path folder;  ///< empty: none
+  std::uint64_t map_id = 0;      ///< of the keyframes that were loaded from there
+};
+
 /// Refuses a folder that save_slam_map() could not write or must not replace. @throws InputError
 void check_map_folder(const std::filesystem::path& folder);
 
 /// Saves what a later session needs to find itself in this map and to go on with it: keyframes.bin
 /// (keyframes and points), scans.bin (what the octree was made of) and map.ot. Everything is written beside
-/// the folder and then takes its place, so an earlier map stays whole until the new one is.
-/// @param mapper  finished; null: keyframes and points alone
+/// the folder and then takes its place at once, so that whenever the program or the machine stops, the folder
+/// holds the earlier map or the new one; see docs/reliability.md. Other files in the folder stay.
+/// @param mapper     finished; null: keyframes and points alone
+/// @param otherwise  without a mapper: the scans and the octree to take over
 /// @throws InputError
 void save_slam_map(const LocalMap& map, const CameraConfig& camera, const SemanticMapper* mapper,
-                   const std::filesystem::path& folder);
+                   const std::filesystem::path& folder, const SavedScans& otherwise = {});
 
+/// @param map_id  receives what tells this saved state from every other one, its check sum
 /// @throws InputError naming the file: missing, truncated, corrupt, of another version or of another camera
-[[nodiscard]] LocalMap load_slam_map(const std::filesystem::path& folder, const CameraConfig& camera);
+[[nodiscard]] LocalMap load_slam_map(const std::filesystem::path& folder, const CameraConfig& camera,
+                                     std::uint64_t* map_id = nullptr);
 
 }  // namespace dynslam::runtime

@@ -29,7 +29,11 @@ struct RunOptions {
   std::filesystem::path save_map;  ///< folder to save the map in; empty: not saved
   std::size_t max_frames = 0;      ///< 0: all
   std::uint64_t seed = 1;          ///< of every random choice
-  TrackerOptions tracker;          ///< its `dynamics` is set from the one above
+  double save_every = 5.0;  ///< seconds after which the trajectory and the summary so far are written again
+  /// Share of the frames that may be broken; a run with more fails, its results written. Half: a sequence
+  /// that is mostly damaged is not what was meant, whatever can be made of the rest.
+  double max_broken = 0.5;
+  TrackerOptions tracker;  ///< its `dynamics` is set from the one above
 };
 
 struct StageStatistics {
@@ -57,9 +61,12 @@ struct RunSummary {
 
 /// Runs a sequence and writes trajectory.txt, keyframes.txt, map.ot (and map_color.ot for octovis),
 /// timings.csv, summary.json and masks/ into `options.out`. What was computed is saved also when `stop`
-/// becomes true midway.
-/// @throws InputError  unreadable sequence or masks, unwritable output, or no frame tracked at all
-///         (the files are written first where possible)
+/// becomes true midway; trajectory.txt and summary.json are written as the run goes, see docs/reliability.md.
+/// A map that was loaded is never saved poorer than it was: what a failed run has is added to it where that
+/// is whole, and else the saved map stays.
+/// @throws InputError  unreadable sequence or masks, unwritable output, too many broken frames, or no frame
+///         tracked at all (the files are written first where possible)
+/// @throws UsageError  options that contradict each other
 RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop,
                         const std::function<void(const Progress&)>& progress = {});
 

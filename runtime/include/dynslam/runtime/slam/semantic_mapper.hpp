@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <opencv2/core.hpp>
 #include <thread>
@@ -17,6 +18,12 @@
 #include "dynslam/semantic/log_odds.hpp"
 
 namespace dynslam::runtime {
+
+/// The saved keyframes that saved scans belong to.
+struct ScanOwner {
+  std::uint64_t map_id = 0;  ///< of saved_map.hpp: tells one saved state of a map from every other one
+  int keyframes = 0;         ///< a scan's keyframe is one of these
+};
 
 struct SemanticMapperOptions {
   double resolution = 0.05;  ///< metres
@@ -61,15 +68,17 @@ class SemanticMapper {
   /// thread met
   void repose(std::vector<std::pair<int, SE3<double>>> T_w_c);
   /// Queues the scans of an earlier session (save_scans). @return their keyframes and poses
-  /// @throws InputError naming the file: missing, truncated, corrupt or of another camera
-  std::vector<std::pair<int, SE3<double>>> load_scans(const std::filesystem::path& path);
+  /// @throws InputError naming the file: missing, truncated, corrupt, of another camera or of other keyframes
+  std::vector<std::pair<int, SE3<double>>> load_scans(const std::filesystem::path& path,
+                                                      const ScanOwner& owner);
   /// Waits until everything is in the tree. @throws what the thread met
   void finish();
   /// Writes the tree (`.ot` of type SemanticOcTree) through a temporary file. Call finish() first. @throws
   /// InputError
   void save(const std::filesystem::path& path) const;
-  /// Writes the retained scans. Call finish() first. @throws InputError
-  void save_scans(const std::filesystem::path& path) const;
+  /// Writes the retained scans. Call finish() first. @param map_id  of the keyframes saved with them
+  /// @throws InputError
+  void save_scans(const std::filesystem::path& path, std::uint64_t map_id) const;
   /// Valid after finish().
   [[nodiscard]] const interop::SemanticOcTree& tree() const { return tree_; }
   /// Memory of the retained scans. Valid after finish().
@@ -103,5 +112,11 @@ class SemanticMapper {
   BoundedQueue<Job> queue_;
   std::jthread thread_;  // last: it uses all of the above
 };
+
+/// Copies saved scans for other saved keyframes: the same ones with corrected poses, or with more behind
+/// them.
+/// @throws InputError like load_scans() and save_scans()
+void copy_scans(const std::filesystem::path& from, std::uint64_t from_id, const std::filesystem::path& to,
+                std::uint64_t to_id);
 
 }  // namespace dynslam::runtime

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Runs that fail, are stopped or are killed: what was there stays, what was computed is saved.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/evaluation/ablate.hpp"
+#include "dynslam/runtime/io/image_io.hpp"
+#include "dynslam/runtime/io/map_io.hpp"
+#include "dynslam/runtime/io/saved_map.hpp"
+#include "dynslam/runtime/io/trajectory_io.hpp"
+#include "io/space_reserve.hpp"
+#include "office.hpp"
+
+using namespace dynslam;
+using namespace dynslam::runtime;
+namespace fs = std::filesystem;
+using test::bytes, test::kNeverStop, test::Office, test::office;
+
+namespace {
+
+/// A copy of the office's map in a folder of its own.
+struct MapCopy : test::TemporaryFolder {
+  fs::path map = path / "map";
+  MapCopy() { fs::copy(office().map, map, fs::copy_options::recursive); }
+  [[nodiscard]] RunOptions options(std::size_t frames) const {
+    RunOptions o = office().options("unused", frames, map, map);
+    o.out = path / "out";
+    return o;
+  }
+  [[nodiscard]] std::size_t keyframes() const {
+    return load_slam_map(map, office().camera()).keyframes().size();
+  }
+  /// Every part is there, and as large as it was at least. @return keyframes
+  std::size_t check_no_poorer() const {
+    for (const char* file : {"keyframes.bin", "scans.bin", "map.ot"}) {
+      CAPTURE(file);
+      REQUIRE(fs::exists(map / file));
+      CHECK(fs::file_size(map / file) + 4096 >= fs::file_size(office().map / file));
+    }
+    // A later session finds all of it.
+    RunOptions again = office().options("unused", 2, map, {});
+    again.out = path / "again";
+    CHECK(run_sequence(again, kNeverStop).tracked == 2);
+    CHECK(load_map(again.out / "map.ot")->size() >= load_map(office().map / "map.ot")->size() / 2);
+    return keyframes();
+  }
+};
+
+nlohmann::json summary_of(const fs::path& out) {
+  std::ifstream in(out / "summary.json");
+  return nlohmann::json::parse(in);
+}
+
+}  // namespace
+
+TEST_CASE("a run that fails at a corrupt mask saves what it has, scans and octree with it") {
+  const MapCopy copy;
+  const std::size_t before = copy.keyframes();
+  const test::TemporaryFolder masks;
+  const Sequence sequence = load_sequence(office().sequence);
+  for (const FrameRecord& frame : sequence.frames)
+    write_image(masks.path / (frame.stamp + ".png"), cv::Mat::zeros(480, 640, CV_8UC1));
+  fs::resize_file(masks.path / (sequence.frames[38].stamp + ".png"), 100);
+  RunOptions o = copy.options(40);
+  o.dynamics = DynamicsMode::semantic;
+  o.masks = masks.path;
+  CHECK_THROWS_WITH_AS((void)run_sequence(o, kNeverStop), doctest::Contains("is truncated"), InputError);
+  CHECK(copy.check_no_poorer() > before);
+  CHECK(read_trajectory(o.out / "trajectory.txt").size() == 38);
+}
+
+TEST_CASE("a run without an octree takes over the scans and the octree of the map that it loads") {
+  const MapCopy copy;
+  RunOptions o = copy.options(40);
+  o.map = false;
+  CHECK(run_sequence(o, kNeverStop).tracked == 40);
+  copy.check_no_poorer();
+  CHECK(bytes(copy.map / "map.ot") == bytes(office().map / "map.ot"));
+}
+
+TEST_CASE("a run whose results have nowhere to go still saves the map whole") {
+  const MapCopy copy;
+  RunOptions o = copy.options(25);
+  const auto lose_the_folder = [&](const Progress& p) {
+    if (p.done == 20) fs::remove_all(o.out);
+  };
+  CHECK_THROWS_AS((void)run_sequence(o, kNeverStop, lose_the_folder), InputError);
+  copy.check_no_poorer();
+}
+
+TEST_CASE("results inside the folder of the saved map are refused before the run") {
+  const MapCopy copy;
+  for (const char* out : {"", "results", "deep/er"}) {
+    RunOptions o = copy.options(2);
+    o.out = copy.map / out;
+    CHECK_THROWS_WITH_AS((void)run_sequence(o, kNeverStop),
+                         doctest::Contains("lies in the folder of --save-map"), UsageError);
+  }
+  fs::create_directory_symlink(copy.map, copy.path / "link");
+  RunOptions o = copy.options(2);
+  o.out = copy.path / "link" / "results";
+  CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), UsageError);
+  CHECK(std::distance(fs::directory_iterator(copy.map), {}) == 3);
+  o = copy.options(2);
+  o.out = copy.path;  // around it is well
+  o.save_map = copy.path / "map2";
+  CHECK(run_sequence(o, kNeverStop).tracked == 2);
+}
+
+TEST_CASE("trajectory and summary are written as the run goes, each whole") {
+  const test::TemporaryFolder folder;
+  RunOptions o = office().options("unused", 12, {}, {});
+  o.out = folder.path / "out";
+  o.save_every = 0;
+  int seen = 0;
+  const auto look = [&](const Progress& p) {
+    if (p.done < 3) return;
+    // What a kill at this moment would leave; writing takes a twentieth of the time at most.
+    if (!fs::exists(o.out / "trajectory.txt")) return;
+    const auto poses = read_trajectory(o.out / "trajectory.txt");
+    const auto summary = summary_of(o.out);
+    CHECK(poses.size() <= p.done);
+    CHECK(summary["tracked"] == poses.size());
+    CHECK(summary["interrupted"] == true);
+    CHECK(summary["configuration"]["camera"] == "synthetic");
+    ++seen;
+  };
+  CHECK(run_sequence(o, kNeverStop, look).tracked == 12);
+  CHECK(seen > 0);
+  CHECK(summary_of(o.out)["interrupted"] == false);
+  CHECK(read_trajectory(o.out / "trajectory.txt").size() == 12);
+}
+
+TEST_CASE("a run with most frames broken fails, its results written") {
+  const test::TumFixture tum(8);
+  fs::create_directories(tum.path / "labels");
+  for (const auto& entry : fs::directory_iterator(tum.path / "rgb")) fs::resize_file(entry.path(), 20);
+  RunOptions o;
+  o.sequence = tum.path;
+  o.out = tum.path / "out";
+  o.dynamics = DynamicsMode::none;
+  o.map = false;
+  CHECK_THROWS_WITH_AS(
+      (void)run_sequence(o, kNeverStop),
+      doctest::Contains("8 of 8 frames are broken, more than the share of 0.5 that --max-broken"),
+      InputError);
+  CHECK(summary_of(o.out)["broken"] == 8);
+  o.max_broken = 1;
+  CHECK_THROWS_WITH_AS((void)run_sequence(o, kNeverStop), doctest::Contains("no frame could be tracked"),
+                       InputError);
+}
+
+TEST_CASE("each mode of an ablation starts from the map given, and saves its own") {
+  const MapCopy copy;
+  RunOptions o = copy.options(3);
+  o.map = false;
+  fs::create_directories(copy.path / "truth");
+  const Ablation ablation = ablate(o, kNeverStop);
+  for (const char* mode : {"none", "semantic", "geometric", "both"}) {
+    CAPTURE(mode);
+    CHECK(fs::exists(copy.map / mode / "keyframes.bin"));
+  }
+  for (const char* file : {"keyframes.bin", "scans.bin", "map.ot"})
+    CHECK(bytes(copy.map / file) == bytes(office().map / file));
+}
+
+TEST_CASE("names that are no UTF-8 do not end a run at its end") {
+  const test::TemporaryFolder folder;
+  RunOptions o = office().options("unused", 2, {}, {});
+  o.out = folder.path / "r\xe9sultats";
+  o.map = false;
+  CHECK(run_sequence(o, kNeverStop).tracked == 2);
+  o.load_map = fs::path();
+  o.save_map = folder.path / "carte \xff";
+  CHECK(run_sequence(o, kNeverStop).tracked == 2);
+  CHECK(summary_of(o.out)["frames"] == 2);
+}
