@@ -3,8 +3,11 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <exception>
 #include <iostream>
+#include <new>
+#include <opencv2/core.hpp>
 #include <string>
 
 #include "config_file.hpp"
@@ -15,12 +18,19 @@
 #include "run_command.hpp"
 #include "synth_command.hpp"
 
-int main(int argc, char** argv) {
+namespace {
+
+int not_enough_memory() {
+  std::cerr << "dynslam: error: there is not enough memory\n";
+  return dynslam::app::kInputFailure;
+}
+
+int run(int argc, char** argv) {
   using namespace dynslam::app;
   CLI::App app("RGB-D semantic visual SLAM that keeps working when people and things move", "dynslam");
   app.set_version_flag("--version", "dynslam " DYNSLAM_VERSION);
   app.require_subcommand(1);
-  const RunCommand run(app);
+  const RunCommand run_command(app);
   const AblateCommand ablate(app);
   const EvaluateCommand evaluate(app);
   const SynthCommand synth(app);
@@ -28,7 +38,7 @@ int main(int argc, char** argv) {
   const auto config = add_config_option(app);
   try {
     app.parse(arguments(argc, argv));
-    if (run.chosen()) return run.run();
+    if (run_command.chosen()) return run_command.run();
     if (ablate.chosen()) return ablate.run();
     if (evaluate.chosen()) return evaluate.run();
     if (synth.chosen()) return synth.run();
@@ -49,8 +59,25 @@ int main(int argc, char** argv) {
   } catch (const dynslam::runtime::UsageError& error) {
     std::cerr << "dynslam: error: " << error.what() << '\n';
     return kUsageFailure;
+  } catch (const std::bad_alloc&) {
+    return not_enough_memory();
+  } catch (const cv::Exception& error) {
+    if (error.code == cv::Error::StsNoMem) return not_enough_memory();
+    std::cerr << "dynslam: error: " << error.what() << '\n';
+    return kInputFailure;
   } catch (const std::exception& error) {
     std::cerr << "dynslam: error: " << error.what() << '\n';
     return kInputFailure;
   }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::signal(SIGPIPE, SIG_IGN);  // a reader that went away is an error of writing like a full disk
+  const int code = run(argc, argv);
+  std::cout.flush();
+  if (std::cout) return code;
+  std::cerr << "dynslam: error: the standard output could not be written\n";
+  return code != 0 ? code : dynslam::app::kInputFailure;
 }

@@ -235,4 +235,101 @@ TEST_CASE("an ablation without masks runs what it can and says so; a camera at r
   CHECK_FALSE(std::filesystem::exists(folder.path / "o" / "both"));
   CHECK(std::filesystem::exists(folder.path / "o" / "ablation.json"));
 }
+
+namespace {
+
+/// Starts a run in the background and sends it a signal once its trajectory has some lines.
+Result run_and_signal(const std::string& path, const std::string& signal, const std::string& prefix = {}) {
+  return shell(prefix + std::string(DYNSLAM_PROGRAM) + " run " + path + "/s --out " + path +
+               "/o --dynamics none --map false --save-every 0.1 > " + path + "/log 2>&1 & pid=$!; " +
+               "for i in $(seq 3000); do [ \"$(cat " + path +
+               "/o/trajectory.txt 2>/dev/null | wc -l)\" -gt 5 ] && break; " + "sleep 0.01; done; kill -" +
+               signal + " $pid; wait $pid");
+}
+
+nlohmann::json summary_of(const std::string& path) {
+  std::ifstream in(path + "/o/summary.json");
+  return nlohmann::json::parse(in);
+}
+
+}  // namespace
+
+TEST_CASE(
+    "a killed run leaves its trajectory and its summary so far; a closed terminal ends it like Ctrl-C") {
+  const dynslam::test::TemporaryFolder folder;
+  const std::string path = folder.path.string();
+  REQUIRE(call("synth " + path + "/s --frames 45 --path xyz --walkers 1").code == 0);
+  CHECK(run_and_signal(path, "KILL").code == 137);
+  auto summary = summary_of(path);
+  CHECK(summary["interrupted"] == true);
+  CHECK(summary["tracked"].get<int>() >= 5);
+  CHECK(shell("awk '!/^#/ && NF != 8' " + path + "/o/trajectory.txt").out.empty());
+  std::filesystem::remove_all(path + "/o");
+  CHECK(run_and_signal(path, "HUP").code == 130);
+  summary = summary_of(path);
+  CHECK(summary["interrupted"] == true);
+  CHECK(summary["frames"].get<int>() < 45);
+  CHECK(summary["stages"].contains("frame"));  // written by the end of the run, not by the way
+  std::filesystem::remove_all(path + "/o");
+  CHECK(run_and_signal(path, "HUP", "nohup ").code == 0);  // nohup means it
+  CHECK(summary_of(path)["frames"] == 45);
+}
+
+TEST_CASE("a disk that the masks fill has room for the trajectory, and the error is told") {
+  const dynslam::test::TemporaryFolder folder;
+  const std::string path = folder.path.string();
+  const std::string disk = "unshare -rm sh -c 'mount -t tmpfs -o size=400k none " + path + "/o && ";
+  std::filesystem::create_directories(path + "/o");
+  if (shell(disk + "true' 2>/dev/null").code != 0) {
+    MESSAGE("skipped: this system does not let a user mount a small disk");
+    return;
+  }
+  REQUIRE(call("synth " + path + "/s --frames 45 --path xyz").code == 0);
+  const Result r = shell(disk + DYNSLAM_PROGRAM + " run " + path + "/s --out " + path + "/o --masks " + path +
+                         "/s/instance --dynamics semantic --map false --save-masks; echo code $?; cp " +
+                         path + "/o/*.* " + path + "' 2>&1");
+  CAPTURE(r.out);
+  CHECK(r.out.find("code 1") != std::string::npos);
+  CHECK(r.out.find("No space left on device") != std::string::npos);
+  std::ifstream in(path + "/summary.json");
+  const auto summary = nlohmann::json::parse(in);
+  CHECK(summary["tracked"].get<int>() > 3);
+  const Result lines = shell("grep -vc '^#' " + path + "/trajectory.txt");
+  CHECK(std::stoi(lines.out) == summary["tracked"].get<int>());
+}
+
+TEST_CASE("output to a full disk or a closed reader is an error") {
+  const dynslam::test::TumFixture tum(3);
+  const std::string eval = std::string(DYNSLAM_PROGRAM) + " synth --help";
+  CHECK(shell(eval + " > /dev/full 2>&1").code == 1);
+  const std::string line = "dynslam: error: the standard output could not be written";
+  CHECK(shell(eval + " 2>&1 > /dev/full").out.find(line) == 0);
+  CHECK(shell(eval + " 2>&1 >&-").out.find(line) == 0);
+  // The reader has gone when the program writes.
+  const std::string code = tum.path.string() + "/code";
+  (void)shell("(sleep 0.2; " + eval + " 2>/dev/null; echo $? > " + code + ") | true");
+  CHECK(shell("cat " + code).out == "1\n");
+}
+
+TEST_CASE("a configuration that cannot be read to its end is an error, and a pipe is none") {
+  const dynslam::test::TumFixture tum(3);
+  const std::string path = tum.path.string(), run = "run " + path + " --out " + path + "/o --config ";
+  check_one_line_error(run + "/proc/self/mem", 1, "/proc/self/mem: cannot be read: Input/output error");
+  check_one_line_error(run + "/dev/zero", 1, "/dev/zero: is not a regular file");
+  REQUIRE(shell("mkfifo " + path + "/pipe").code == 0);
+  check_one_line_error(run + path + "/pipe", 1, "pipe: is not a regular file");
+  check_one_line_error("run " + path + " --config=" + path + "/pipe --out " + path + "/o", 1,
+                       "not a regular");
+}
+
+TEST_CASE("memory that runs out is told in words") {
+  const dynslam::test::TumFixture tum(3);
+  const std::string path = tum.path.string();
+  // A map that takes more than there is.
+  const Result r = shell("mkdir " + path + "/m; truncate -s 8G " + path +
+                         "/m/keyframes.bin; ulimit -v 4000000; " + DYNSLAM_PROGRAM + " run " + path +
+                         " --out " + path + "/o --dynamics none --load-map " + path + "/m 2>&1");
+  CHECK(r.code == 1);
+  CHECK(r.out == "dynslam: error: there is not enough memory\n");
+}
 #endif
