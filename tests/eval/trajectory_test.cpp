@@ -44,25 +44,49 @@ TEST_CASE("association is one-to-one, nearest first, within the limit") {
   CHECK(pairs == std::vector<std::pair<std::size_t, std::size_t>>{{0, 0}, {1, 1}, {2, 2}});
   // A brute-force greedy rule on random stamps.
   test::Rng rng("association");
-  std::vector<double> x, y;
-  for (double t = 0; t < 3; t += rng.uniform(0.001, 0.05)) x.push_back(t);
-  for (double t = 0; t < 3; t += rng.uniform(0.001, 0.05)) y.push_back(t);
-  std::vector<std::tuple<double, std::size_t, std::size_t>> all;
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    for (std::size_t j = 0; j < y.size(); ++j) {
-      if (std::abs(x[i] - y[j]) < 0.02) all.emplace_back(std::abs(x[i] - y[j]), i, j);
+  for (const double longest : {0.002, 0.01, 0.05}) {
+    std::vector<double> x, y;
+    // Multiples of 1/4096 s: equal differences are common.
+    const auto step = [&] { return (1 + std::floor(4096 * rng.uniform(0, longest))) / 4096; };
+    for (double t = 0; t < 3; t += step()) x.push_back(t);
+    for (double t = 0; t < 3; t += step()) y.push_back(t);
+    std::vector<std::tuple<double, std::size_t, std::size_t>> all;
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      for (std::size_t j = 0; j < y.size(); ++j) {
+        if (std::abs(x[i] - y[j]) < 0.02) all.emplace_back(std::abs(x[i] - y[j]), i, j);
+      }
     }
+    std::sort(all.begin(), all.end());
+    std::vector<bool> used_x(x.size()), used_y(y.size());
+    std::vector<std::pair<std::size_t, std::size_t>> expected;
+    for (const auto& [d, i, j] : all) {
+      if (used_x[i] || used_y[j]) continue;
+      used_x[i] = used_y[j] = true;
+      expected.emplace_back(i, j);
+    }
+    std::sort(expected.begin(), expected.end());
+    CHECK(associate(x, y) == expected);
   }
-  std::sort(all.begin(), all.end());
-  std::vector<bool> used_x(x.size()), used_y(y.size());
-  std::vector<std::pair<std::size_t, std::size_t>> expected;
-  for (const auto& [d, i, j] : all) {
-    if (used_x[i] || used_y[j]) continue;
-    used_x[i] = used_y[j] = true;
-    expected.emplace_back(i, j);
+}
+
+TEST_CASE("association of stamps that all lie within the limit takes no more memory than the stamps") {
+  // Every pair is a candidate: 400 million of them were kept once.
+  std::vector<double> a, b;
+  for (int k = 0; k < 20000; ++k) {
+    a.push_back(1 + k * 0.7e-6);
+    b.push_back(1 + 0.3e-6 + k * 0.7e-6);
   }
-  std::sort(expected.begin(), expected.end());
-  CHECK(associate(x, y) == expected);
+  const auto pairs = associate(a, b, 0.02);
+  REQUIRE(pairs.size() == 20000);
+  for (std::size_t k = 0; k < pairs.size(); ++k) REQUIRE(pairs[k] == std::pair(k, k));
+  CHECK(associate(a, std::vector<double>{}, 0.02).empty());
+  CHECK(associate(a, b, 0.0).empty());
+  // Ties go to the earlier stamp, as in a sorted list of all pairs.
+  using Pairs = std::vector<std::pair<std::size_t, std::size_t>>;
+  CHECK(associate(std::vector<double>{1, 3}, std::vector<double>{2}, 2.0) == Pairs{{0, 0}});
+  CHECK(associate(std::vector<double>{2}, std::vector<double>{1, 3}, 2.0) == Pairs{{0, 0}});
+  CHECK(associate(std::vector<double>{0.5, 1}, std::vector<double>{0.25, 0.75}, 0.3, 0.25) ==
+        Pairs{{0, 0}, {1, 1}});
 }
 
 TEST_CASE_TEMPLATE("alignment undoes any rigid motion, and never a scale", S, float, double) {

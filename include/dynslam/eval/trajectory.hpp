@@ -5,8 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <functional>
+#include <limits>
 #include <numbers>
 #include <optional>
+#include <queue>
 #include <span>
 #include <tuple>
 #include <utility>
@@ -28,28 +31,50 @@ struct StampedPose {
 
 /// Pairs (index in a, index in b) by TUM's greedy rule: all candidate pairs closer than `max_difference`
 /// seconds, nearest first, each stamp used once. Sorted by the index in `a`.
+///
+/// The nearest pair of all is always one of neighbours in time, so a list of both sequences' stamps, from
+/// which pairs are taken out, and a heap of its neighbours do: n log n steps, whatever number of stamps lies
+/// within the limit.
 /// @param a, b  increasing time stamps [s]
 /// @param offset  added to b's stamps [s]
 [[nodiscard]] inline std::vector<std::pair<std::size_t, std::size_t>> associate(std::span<const double> a,
                                                                                 std::span<const double> b,
                                                                                 double max_difference = 0.02,
                                                                                 double offset = 0.0) {
-  std::vector<std::tuple<double, std::size_t, std::size_t>> candidates;
-  std::size_t first = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    while (first < b.size() && !(a[i] - (b[first] + offset) < max_difference)) ++first;
-    for (std::size_t j = first; j < b.size() && b[j] + offset - a[i] < max_difference; ++j) {
-      candidates.emplace_back(std::abs(a[i] - (b[j] + offset)), i, j);
-    }
+  constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
+  // Nodes of the list: those of a by their index, those of b behind them.
+  const std::size_t n = a.size(), count = n + b.size();
+  std::vector<std::size_t> before(count, kNone), after(count, kNone);
+  using Candidate = std::tuple<double, std::size_t, std::size_t>;
+  std::priority_queue<Candidate, std::vector<Candidate>, std::greater<>> candidates;
+  const auto consider = [&](std::size_t x, std::size_t y) {
+    if (x == kNone || y == kNone || (x < n) == (y < n)) return;
+    const std::size_t i = std::min(x, y), j = std::max(x, y) - n;
+    const double difference = std::abs(a[i] - (b[j] + offset));
+    if (difference < max_difference) candidates.emplace(difference, i, j);
+  };
+  for (std::size_t i = 0, j = 0, last = kNone; i < n || j < b.size();) {
+    const bool from_a = j == b.size() || (i < n && a[i] <= b[j] + offset);
+    const std::size_t node = from_a ? i++ : n + j++;
+    before[node] = last;
+    if (last != kNone) after[last] = node;
+    consider(last, node);
+    last = node;
   }
-  std::sort(candidates.begin(), candidates.end());
-  std::vector<bool> used_a(a.size(), false), used_b(b.size(), false);
+  std::vector<bool> used(count, false);
   std::vector<std::pair<std::size_t, std::size_t>> pairs;
-  for (const auto& candidate : candidates) {
-    const std::size_t i = std::get<1>(candidate), j = std::get<2>(candidate);
-    if (used_a[i] || used_b[j]) continue;
-    used_a[i] = used_b[j] = true;
+  while (!candidates.empty()) {
+    const std::size_t i = std::get<1>(candidates.top()), j = std::get<2>(candidates.top());
+    candidates.pop();
+    if (used[i] || used[n + j]) continue;
+    used[i] = used[n + j] = true;
     pairs.emplace_back(i, j);
+    // Whoever stood before the two now stands beside whoever came after them.
+    const bool a_first = after[i] == n + j;
+    const std::size_t left = before[a_first ? i : n + j], right = after[a_first ? n + j : i];
+    if (left != kNone) after[left] = right;
+    if (right != kNone) before[right] = left;
+    consider(left, right);
   }
   std::sort(pairs.begin(), pairs.end());
   return pairs;
