@@ -71,7 +71,7 @@ def main():
         model = torchvision.models.detection.maskrcnn_resnet50_fpn(
             weights=None, weights_backbone=None, min_size=min(width, height), max_size=max(width, height))
     if o.weights:
-        model.load_state_dict(torch.load(o.weights, map_location="cpu"))
+        model.load_state_dict(torch.load(o.weights, map_location="cpu", weights_only=True))
     model.eval()
     image = picture(width, height)
     torch.onnx.export(model, ([image],), str(o.out), opset_version=11, input_names=["image"],

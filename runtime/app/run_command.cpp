@@ -95,6 +95,11 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
   app.add_option("--map-resolution", o.map_resolution, "Edge of a voxel [m], 0.005 to 1")
       ->capture_default_str()
       ->check(number_in(0.005, 1.0));
+  app.add_option_function<std::size_t>(
+         "--map-memory", [&o](const std::size_t& megabytes) { o.map_memory = megabytes << 20U; },
+         "MB that the map may take, 1 to 1000000; a run that needs more fails")
+      ->default_str("2048")
+      ->check(number_in(1, 1000000));
   app.add_option("--loops", o.tracker.close_loops, "Close loops")->capture_default_str();
   app.add_option("--load-map", o.load_map, "Go on in the map that an earlier run saved in this folder");
   app.add_option("--save-map", o.save_map, "Save the map in this folder, for --load-map");

@@ -103,6 +103,21 @@ TEST_CASE("map query answers about points, boxes, rays and obstacles, fine and c
   CHECK(call("map query " + saved.map + " --at 0.1 0 1").out.find("free") == 0);
 }
 
+TEST_CASE("numbers beyond all grids are answered or refused, never free") {
+  const SavedMap saved;
+  const std::string query = "map query " + saved.map + " ";
+  for (const char* ray :
+       {"--ray 0 0 0 1e300 0 0", "--ray 1e300 0 0 1 0 0", "--ray 0 0 0 1e308 1e308 1e308"}) {
+    CAPTURE(ray);
+    const Result r = call(query + ray);
+    CHECK(r.code == 2);
+    CHECK(r.out.find("free") == std::string::npos);
+  }
+  CHECK(call(query + "--ray 0.1 0 0.2 0 0 1 --range 1e300").out.find("occupied") == 0);
+  CHECK(call(query + "--at 1e300 0 0").out.find("unknown") == 0);
+  CHECK(call(query + "--nearest 1e300 0 0").out.find("none") == 0);
+}
+
 TEST_CASE("mistakes with maps are one line and a non-zero code") {
   const SavedMap saved;
   const std::string folder = saved.path.string();

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluation/ablate.hpp"
@@ -167,6 +168,19 @@ TEST_CASE("each mode of an ablation starts from the map given, and saves its own
   }
   for (const char* file : {"keyframes.bin", "scans.bin", "map.ot"})
     CHECK(bytes(copy.map / file) == bytes(office().map / file));
+}
+
+TEST_CASE("visiting the same place again and again does not make its scans grow") {
+  const MapCopy copy;
+  std::vector<std::uintmax_t> sizes;
+  for (int visit = 0; visit < 7; ++visit) {
+    CHECK(run_sequence(copy.options(10), kNeverStop).tracked == 10);
+    sizes.push_back(fs::file_size(copy.map / "scans.bin"));
+  }
+  for (const std::uintmax_t size : sizes) CAPTURE(size);
+  CHECK(static_cast<double>(sizes.back()) <= 1.1 * static_cast<double>(sizes[2]));
+  CHECK(sizes.back() >= fs::file_size(office().map / "scans.bin"));
+  CHECK(load_map(copy.map / "map.ot")->size() > load_map(office().map / "map.ot")->size() / 2);
 }
 
 TEST_CASE("names that are no UTF-8 do not end a run at its end") {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "dynslam/runtime/io/map_io.hpp"
+#include "io/argument_check.hpp"
 
 namespace dynslam::runtime {
 
@@ -64,6 +65,10 @@ cv::Scalar rainbow(double t) {
 
 cv::Mat render_map(const interop::SemanticOcTree& tree, const MapView& view, MapColours colours,
                    const Eigen::Vector3d& up) {
+  check_pose(view.T_w_c, "render_map(): the viewpoint");
+  check_argument(view.size.width >= 1 && view.size.height >= 1 && view.size.width <= 20000 &&
+                     view.size.height <= 20000 && view.focal > 0 && view.focal < 1e9,
+                 "render_map(): expected a size from 1x1 to 20000x20000 and a focal length above 0");
   struct Cube {
     double distance;
     Eigen::Vector3d centre;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
+#include "io/argument_check.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -249,6 +250,8 @@ cv::Mat plot_errors(std::span<const std::pair<std::string, AteResult<double>>> r
 }
 
 cv::Mat overlay_mask(const cv::Mat& bgr, const cv::Mat& mask) {
+  check_image(bgr, {}, CV_8UC3, "overlay_mask(): the image");
+  check_image(mask, bgr.size(), CV_8UC1, "overlay_mask(): the mask");
   cv::Mat tinted = bgr.clone(), out;
   tinted.setTo(cv::Scalar(40, 40, 235), mask);
   cv::addWeighted(bgr, 0.5, tinted, 0.5, 0, out);
@@ -261,6 +264,11 @@ cv::Mat overlay_mask(const cv::Mat& bgr, const cv::Mat& mask) {
 cv::Mat contact_sheet(std::span<const SheetRow> rows, std::span<const std::string> column_captions,
                       int width) {
   constexpr int kGap = 6, kLeft = 40, kTop = 34;
+  check_argument(width >= 1 && width <= 10000, "contact_sheet(): the width must be from 1 to 10000 px");
+  for (const SheetRow& row : rows) {
+    for (const cv::Mat& picture : row.pictures)
+      check_optional_image(picture, {}, CV_8UC3, "contact_sheet(): a picture");
+  }
   int height = width * 3 / 4;
   std::size_t columns = column_captions.size();
   bool shaped = false;

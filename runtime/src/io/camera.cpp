@@ -3,7 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <sstream>
@@ -67,6 +69,12 @@ CameraConfig parse_camera(std::istream& in, const std::string& file) {
       throw InputError(file, 0, "width and height must be whole numbers from 64 to 8192");
   }
   if (!(value["fx"] > 0 && value["fy"] > 0)) throw InputError(file, 0, "fx and fy must be positive");
+  // Beyond, pixels at the rim are metres wide: a map of them fills the memory.
+  constexpr double kWidest = 20;  // tangent of 87 degrees
+  const double across = std::max(std::abs(value["cx"]), std::abs(width - value["cx"])) / value["fx"];
+  const double down = std::max(std::abs(value["cy"]), std::abs(height - value["cy"])) / value["fy"];
+  if (!(std::max(across, down) <= kWidest))
+    throw InputError(file, 0, "fx, fy, cx and cy let a pixel look more than 87 degrees aside");
   if (!(value["depth_units_per_metre"] > 0))
     throw InputError(file, 0, "depth_units_per_metre must be positive");
   CameraConfig camera =

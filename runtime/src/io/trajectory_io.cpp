@@ -5,14 +5,21 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <sstream>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
+#include "io/argument_check.hpp"
 
 namespace dynslam::runtime {
+namespace {
+
+constexpr double kFarthest = 1e12;  // metres; squares of differences keep their digits
+
+}  // namespace
 
 std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::string& name) {
   std::vector<StampedPose<double>> trajectory;
@@ -31,7 +38,13 @@ std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::s
         throw InputError(name, reader.number(), fmt::format("'{}' is not a finite number", words[i]));
       value[i] = *number;
     }
-    const Eigen::Quaterniond q(value[7], value[4], value[5], value[6]);
+    Eigen::Quaterniond q(value[7], value[4], value[5], value[6]);
+    const double largest = q.coeffs().cwiseAbs().maxCoeff();
+    if (largest > 1) q.coeffs() /= largest;  // its square may be no number any more
+    for (std::size_t i = 1; i < 4; ++i) {
+      if (std::abs(value[i]) > kFarthest)
+        throw InputError(name, reader.number(), fmt::format("'{}' is too far to be a position", words[i]));
+    }
     if (!(q.norm() > 1e-6)) throw InputError(name, reader.number(), "the quaternion is zero");
     trajectory.push_back(
         {value[0], SE3<double>(q.normalized(), Eigen::Vector3d(value[1], value[2], value[3]))});
@@ -57,6 +70,10 @@ std::vector<StampedPose<double>> read_trajectory(const std::filesystem::path& pa
 }
 
 void write_trajectory(const std::filesystem::path& path, std::span<const StampedPose<double>> trajectory) {
+  for (const auto& [t, T] : trajectory) {
+    check_argument(std::isfinite(t), "write_trajectory(): a time is not a number");
+    check_pose(T, "write_trajectory(): a pose");
+  }
   AtomicFile file(path);
   file.stream() << "# timestamp tx ty tz qx qy qz qw\n";
   for (const auto& [t, T] : trajectory) {

@@ -19,6 +19,7 @@
 #include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
+#include "io/argument_check.hpp"
 #include "threads/thread_priority.hpp"
 
 namespace dynslam::runtime {
@@ -137,6 +138,7 @@ Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
 }
 
 RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const CameraConfig& camera) {
+  (void)checked(camera);
   const auto decode = [&](const fs::path& path, int flags) {
     const EncodedImage image(path);
     if (const cv::Size size = image.size(); size != cv::Size(camera.width, camera.height)) {
@@ -164,7 +166,7 @@ RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const Camer
 
 FrameStream::FrameStream(const Sequence& sequence, const CameraConfig& camera, const StreamOptions& options)
     : frames_(sequence.frames),
-      camera_(camera),
+      camera_(checked(camera)),
       options_(options),
       queue_(options.queue),
       thread_([this](const std::stop_token& stop) { decode(stop); }) {}

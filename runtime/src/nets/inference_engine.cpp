@@ -2,6 +2,7 @@
 #include "dynslam/runtime/nets/inference_engine.hpp"
 
 #include "dynslam/runtime/error.hpp"
+#include "nets/onnx_header.hpp"
 
 namespace dynslam::runtime {
 
@@ -25,6 +26,7 @@ std::unique_ptr<InferenceEngine> load_engine(const std::filesystem::path& model,
   std::error_code error;
   if (!std::filesystem::is_regular_file(model, error)) throw InputError(model.string(), 0, "is not a file");
   if (std::filesystem::file_size(model, error) == 0) throw InputError(model.string(), 0, "is empty");
+  check_external_files(model);
   if (kind == EngineKind::automatic) kind = has_onnxruntime() ? EngineKind::onnxruntime : EngineKind::opencv;
   if (kind == EngineKind::opencv) return make_opencv_engine(model);
 #ifdef DYNSLAM_HAVE_ONNXRUNTIME

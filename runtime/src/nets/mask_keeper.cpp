@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "dynslam/image/depth.hpp"
+#include "io/argument_check.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -126,6 +127,14 @@ bool MaskKeeper::carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) co
 }
 
 Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gray, const cv::Mat& depth) {
+  check_image(gray, gray_.size(), CV_8UC1, "MaskKeeper::update(): the grey image");
+  check_image(depth, gray.size(), CV_32FC1, "MaskKeeper::update(): the depth image");
+  if (detected) {
+    check_image(detected->dynamic, gray.size(), CV_8UC1, "MaskKeeper::update(): the mask");
+    check_optional_image(detected->labels, gray.size(), CV_8UC1, "MaskKeeper::update(): the label image");
+    check_optional_image(detected->instances, gray.size(), CV_16UC1,
+                         "MaskKeeper::update(): the instance image");
+  }
   Masks out;
   if (detected) out.labels = detected->labels.clone();
   if (out.labels.empty()) out.labels = cv::Mat::zeros(gray.size(), CV_8UC1);

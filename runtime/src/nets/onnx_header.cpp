@@ -2,12 +2,14 @@
 #include "nets/onnx_header.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <set>
 #include <string_view>
 #include <utility>
 
+#include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 
 namespace dynslam::runtime {
@@ -18,6 +20,7 @@ constexpr std::uint64_t kLongest = std::uint64_t(1) << 31;  // a protocol-buffer
 // Field numbers of onnx.proto.
 constexpr std::uint64_t kModelGraph = 7, kModelMetadata = 14;
 constexpr std::uint64_t kGraphInitializer = 5, kGraphInput = 11, kGraphOutput = 12, kTensorName = 8;
+constexpr std::uint64_t kModelFunctions = 25, kModelTraining = 20, kTensorExternal = 13;
 constexpr std::uint64_t kKey = 1, kValue = 2;  // StringStringEntryProto
 constexpr std::uint64_t kName = 1, kType = 2;  // ValueInfoProto
 constexpr std::uint64_t kTensorType = 1, kShape = 2, kDim = 1, kDimValue = 1;
@@ -49,6 +52,10 @@ class Fields {
         return skip(8) ? std::optional(field) : std::nullopt;
       case 5:
         return skip(4) ? std::optional(field) : std::nullopt;
+      case 3:  // a group begins or ends; its fields are taken for the message's own, lest something hides
+               // there
+      case 4:
+        return field;
       case 2: {
         const auto size = varint();
         if (!size || *size > rest_.size()) return std::nullopt;
@@ -112,7 +119,67 @@ TensorInfo value_info(std::string_view message) {
   return info;
 }
 
+/// A kind of message, and where others are in it that may name files.
+enum class Kind { model, graph, training, function, node, attribute, sparse, tensor };
+struct Inner {
+  Kind outer;
+  std::uint64_t number;
+  Kind inner;
+};
+constexpr std::array<Inner, 16> kInner{{{Kind::model, kModelGraph, Kind::graph},
+                                        {Kind::model, kModelTraining, Kind::training},
+                                        {Kind::model, kModelFunctions, Kind::function},
+                                        {Kind::training, 1, Kind::graph},
+                                        {Kind::training, 2, Kind::graph},
+                                        {Kind::function, 7, Kind::node},
+                                        {Kind::graph, 1, Kind::node},
+                                        {Kind::graph, kGraphInitializer, Kind::tensor},
+                                        {Kind::graph, 15, Kind::sparse},
+                                        {Kind::sparse, 1, Kind::tensor},
+                                        {Kind::sparse, 2, Kind::tensor},
+                                        {Kind::node, 5, Kind::attribute},
+                                        {Kind::attribute, 5, Kind::tensor},
+                                        {Kind::attribute, 10, Kind::tensor},
+                                        {Kind::attribute, 6, Kind::graph},
+                                        {Kind::attribute, 11, Kind::graph}}};
+
+void collect_external(std::string_view message, Kind kind, int depth, std::vector<std::string>& out) {
+  constexpr int kDeepest = 200;  // protocol buffers' own limit is 100 messages
+  if (depth > kDeepest) return;
+  Fields fields(message);
+  while (const auto field = fields.next()) {
+    if (kind == Kind::tensor && field->number == kTensorExternal && text_of(field->bytes, kKey) == "location")
+      out.push_back(text_of(field->bytes, kValue));
+    if (kind == Kind::attribute && (field->number == 22 || field->number == 23))
+      collect_external(field->bytes, Kind::sparse, depth + 1, out);
+    for (const Inner& inner : kInner) {
+      if (inner.outer == kind && inner.number == field->number)
+        collect_external(field->bytes, inner.inner, depth + 1, out);
+    }
+  }
+}
+
 }  // namespace
+
+std::vector<std::string> external_files(const std::filesystem::path& file) {
+  const std::string content = read_file(file, kLongest);
+  std::vector<std::string> files;
+  collect_external(content, Kind::model, 0, files);
+  return files;
+}
+
+void check_external_files(const std::filesystem::path& file) {
+  namespace fs = std::filesystem;
+  const fs::path folder = fs::canonical(fs::absolute(file)).parent_path();
+  for (const std::string& name : external_files(file)) {
+    const fs::path path(name), real = fs::weakly_canonical(folder / path);
+    const bool inside =
+        std::mismatch(folder.begin(), folder.end(), real.begin(), real.end()).first == folder.end();
+    if (path.is_absolute() || !inside)
+      throw InputError(file.string(), 0, "takes weights from outside its folder: " + name);
+    check_regular_file(real);
+  }
+}
 
 OnnxHeader read_onnx_header(const std::filesystem::path& file) {
   const std::string content = read_file(file, kLongest);

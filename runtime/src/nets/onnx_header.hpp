@@ -16,6 +16,14 @@ struct OnnxHeader {
   std::map<std::string, std::string> metadata;
 };
 
+/// Files that the model takes weights from (external data), as it names them: of initializers, of attributes
+/// of layers, of functions, at any depth. @throws InputError where the file cannot be read
+[[nodiscard]] std::vector<std::string> external_files(const std::filesystem::path& file);
+
+/// Refuses a model that names weights outside its own folder: another person's model would read any file.
+/// @throws InputError naming both
+void check_external_files(const std::filesystem::path& file);
+
 /// Reads it without an ONNX library: OpenCV's dnn tells neither sizes nor metadata. Parts that are
 /// damaged are left out; whether the file is a network is the engine's to judge.
 [[nodiscard]] OnnxHeader read_onnx_header(const std::filesystem::path& file);

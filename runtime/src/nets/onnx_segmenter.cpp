@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
+#include "io/argument_check.hpp"
 #include "nets/class_names.hpp"
 
 namespace dynslam::runtime {
@@ -254,6 +255,7 @@ void OnnxSegmenter::fill_input(const cv::Mat& bgr) {
 }
 
 Masks OnnxSegmenter::segment(const cv::Mat& bgr) {
+  check_image(bgr, {}, CV_8UC3, "OnnxSegmenter::segment(): the image");
   fill_input(bgr);
   engine_->run(input_, shape_, outputs_);
   const std::string file = options_.model.string();

@@ -15,6 +15,7 @@
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/stopwatch.hpp"
+#include "io/argument_check.hpp"
 #include "threads/thread_priority.hpp"
 
 namespace dynslam::runtime {
@@ -43,6 +44,7 @@ std::uint64_t hash_of_model(const SegmenterOptions& o) {
   std::array<char, 65536> block{};
   while (in.read(block.data(), block.size()) || in.gcount() > 0)
     hash.add(block.data(), static_cast<std::size_t>(in.gcount()));
+  if (in.bad()) throw InputError(o.model.string(), 0, "cannot be read");
   hash.add(fmt::format("{} {} {} {} {}", to_string(o.kind), o.detection.min_score, o.detection.max_overlap,
                        o.input.width, o.input.height));
   for (const auto& name : o.dynamic_classes) hash.add(name);
@@ -85,6 +87,20 @@ Masks unpack(const cv::Mat& packed) {
   return masks;
 }
 
+/// What is kept there; nothing where it is missing or damaged: the network can always be asked again.
+std::optional<Masks> cached_masks(const std::filesystem::path& path, const cv::Size& size) {
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) return std::nullopt;
+  try {
+    const EncodedImage file(path);
+    if (file.size() != size) return std::nullopt;
+    const cv::Mat packed = file.decode(cv::IMREAD_UNCHANGED);
+    if (packed.type() == CV_16UC1) return unpack(packed);
+  } catch (const InputError&) {
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 SegmentationStage::SegmentationStage(FrameStream& frames, const SegmentationStageOptions& options)
@@ -93,6 +109,7 @@ SegmentationStage::SegmentationStage(FrameStream& frames, const SegmentationStag
       segmenter_(options.segmenter),
       keeper_(options.keeper),
       queue_(options.queue) {
+  check_argument(options_.every >= 1, "SegmentationStage: `every` must be 1 or more");
   if (!options_.cache.empty()) {
     std::error_code error;
     std::filesystem::create_directories(options_.cache, error);
@@ -107,12 +124,7 @@ Masks SegmentationStage::network_masks(const RgbdFrame& frame) {
   Hash hash;
   hash.add(frame.bgr.data, frame.bgr.total() * frame.bgr.elemSize());
   const auto path = options_.cache / fmt::format("{}-{:016x}.png", cache_key_, hash.value());
-  if (std::filesystem::exists(path)) {
-    const cv::Mat packed = read_image(path, cv::IMREAD_UNCHANGED);
-    if (packed.type() != CV_16UC1 || packed.size() != frame.bgr.size())
-      throw InputError(path.string(), 0, "is not a cached mask of this sequence");
-    return unpack(packed);
-  }
+  if (const auto masks = cached_masks(path, frame.bgr.size())) return *masks;
   Masks masks = segmenter_.segment(frame.bgr);
   // Several runs may share the folder: each sees whole files alone, whoever writes them.
   std::vector<unsigned char> png;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <opencv2/imgproc.hpp>
+#include "io/argument_check.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -42,6 +43,11 @@ bool stronger(const cv::KeyPoint& a, const cv::KeyPoint& b) {
 }  // namespace
 
 FeatureExtractor::FeatureExtractor(const FeatureOptions& options) : options_(options) {
+  check_argument(
+      options.features >= 1 && options.levels >= 1 && options.levels <= 32 && options.scale_factor > 1 &&
+          options.scale_factor <= 4 && options.cell >= 1,
+      "FeatureExtractor: expected features, levels (to 32) and cell of 1 or more, a scale factor above 1 to "
+      "4");
   float scale = 1.0F, total = 0.0F;
   for (int level = 0; level < options_.levels; ++level) {
     scales_.push_back(scale);
@@ -123,6 +129,7 @@ void FeatureExtractor::detect_level(int level, ImageFeatures& out) {
 }
 
 void FeatureExtractor::extract(const cv::Mat& image, ImageFeatures& out) {
+  check_image(image, {}, CV_8UC1, "FeatureExtractor::extract(): the image");
   // OpenCV's ORB blurs over the border of a part of a larger image, whose surroundings are none of our
   // business.
   const cv::Mat gray = image.isSubmatrix() ? image.clone() : image;

@@ -166,7 +166,7 @@ Run::Run(const RunOptions& options)
   prepare_outputs();
   const TrackerOptions tracking = tracker_options(options);
   tracker_ = std::make_unique<Tracker>(camera_, tracking);
-  if (options.map) map_ = std::make_unique<RunMap>(camera_, options.map_resolution);
+  if (options.map) map_ = std::make_unique<RunMap>(camera_, options.map_resolution, options.map_memory);
   if (!options.load_map.empty()) load_map();
   if (!options.save_map.empty()) check_map_folder(options.save_map);
   prepare_ = std::make_unique<FramePreparation>(tracking);

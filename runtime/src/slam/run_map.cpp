@@ -12,17 +12,18 @@ constexpr int kMaskMargin = 7;     // pixels around movers that never become map
 constexpr double kRange = 3.0;     // metres at which a turn of a keyframe is judged
 constexpr double kWorthIt = 0.25;  // of a voxel: a surface's shift for which the octree is made again
 
-SemanticMapperOptions mapper_options(double resolution) {
+SemanticMapperOptions mapper_options(double resolution, std::size_t max_bytes) {
   SemanticMapperOptions options;
   options.resolution = resolution;
+  options.max_bytes = max_bytes;
   return options;
 }
 
 }  // namespace
 
-RunMap::RunMap(const CameraConfig& camera, double resolution)
+RunMap::RunMap(const CameraConfig& camera, double resolution, std::size_t max_bytes)
     : resolution_(resolution),
-      mapper_(camera.model, camera.width, camera.height, mapper_options(resolution)),
+      mapper_(camera.model, camera.width, camera.height, mapper_options(resolution, max_bytes)),
       margin_(cv::getStructuringElement(cv::MORPH_RECT, {2 * kMaskMargin + 1, 2 * kMaskMargin + 1})) {}
 
 void RunMap::load(const std::filesystem::path& folder, const ScanOwner& owner) {

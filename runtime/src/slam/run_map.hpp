@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -20,7 +21,8 @@ namespace dynslam::runtime {
 /// for final poses would be late by as much as a robot drives in a loop.
 class RunMap {
  public:
-  RunMap(const CameraConfig& camera, double resolution);
+  /// @param max_bytes  that the octree may take
+  RunMap(const CameraConfig& camera, double resolution, std::size_t max_bytes);
 
   /// Starts from the scans of an earlier run's folder, where it has some. @throws InputError
   void load(const std::filesystem::path& folder, const ScanOwner& owner);

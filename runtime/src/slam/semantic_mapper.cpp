@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <cstdint>
 #include <exception>
 #include <iterator>
+#include <numbers>
 #include <optional>
 #include <string_view>
 #include <unordered_map>
@@ -14,6 +18,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/mask_reader.hpp"
+#include "io/argument_check.hpp"
 #include "io/binary_file.hpp"
 #include "threads/thread_priority.hpp"
 
@@ -23,13 +28,33 @@ namespace {
 constexpr std::string_view kMagic = "dynslam scans";
 constexpr std::uint32_t kVersion = 2;  // 1 did not name the keyframes that the scans belong to
 constexpr std::uint32_t kUnnamed = 1;
+constexpr std::int32_t kMostSessions = 1 << 30;
+// From so near, scans show the same: four fifths of the view at 3 m.
+constexpr double kSamePlace = 0.2;                             // metres
+constexpr double kSameTurn = 15.0 * std::numbers::pi / 180.0;  // rad
+constexpr int kVisits = 2;                                     // later sessions that make up for a scan
+
+bool same_view(const SE3<double>& a, const SE3<double>& b) {
+  return (a.translation() - b.translation()).norm() < kSamePlace &&
+         (a.so3() * b.so3().inverse()).log().norm() < kSameTurn;
+}
 static_assert(static_cast<int>(Label::person) == MapScanOptions{}.mover_label);
 
-/// @return the file behind its name for the keyframes
-BinaryReader open_scans(const std::filesystem::path& path, std::uint64_t map_id) {
+const SemanticMapperOptions& checked(const SemanticMapperOptions& options, int width, int height) {
+  check_argument(width > 0 && height > 0, "SemanticMapper: the images' width and height must be above 0");
+  check_argument(options.resolution >= 1e-4 && options.resolution <= 100,
+                 "SemanticMapper: the resolution must be from 0.0001 to 100 m");
+  return options;
+}
+
+/// @param sessions  one per scan; empty for version 1
+/// @return the file behind these
+BinaryReader open_scans(const std::filesystem::path& path, std::uint64_t map_id,
+                        std::vector<std::int32_t>& sessions) {
   BinaryReader in = read_binary(path, kMagic, kVersion, kUnnamed);
   in.require(in.version() == kUnnamed || in.get<std::uint64_t>() == map_id,
              "belongs to other keyframes than those beside it");
+  if (in.version() != kUnnamed) in.get(sessions);
   return in;
 }
 
@@ -37,7 +62,8 @@ BinaryReader open_scans(const std::filesystem::path& path, std::uint64_t map_id)
 
 SemanticMapper::SemanticMapper(const PinholeBrownConrady<double>& camera, int width, int height,
                                const SemanticMapperOptions& options)
-    : options_(options),
+    : options_(checked(options, width, height)),
+      size_(width, height),
       scanner_(camera, width, height, options.scan),
       tree_(options.resolution),
       voxels_(tree_.grid()),
@@ -47,11 +73,17 @@ SemanticMapper::SemanticMapper(const PinholeBrownConrady<double>& camera, int wi
 }
 
 void SemanticMapper::insert(MapKeyframe keyframe) {
+  check_pose(keyframe.T_w_c, "SemanticMapper::insert(): the pose");
+  check_image(keyframe.depth, size_, CV_32FC1, "SemanticMapper::insert(): the depth image");
+  check_image(keyframe.bgr, size_, CV_8UC3, "SemanticMapper::insert(): the colour image");
+  check_optional_image(keyframe.dynamic_mask, size_, CV_8UC1, "SemanticMapper::insert(): the mask");
+  check_optional_image(keyframe.labels, size_, CV_8UC1, "SemanticMapper::insert(): the label image");
   queue_.push(std::move(keyframe));
 }
 
 void SemanticMapper::repose(Poses T_w_c) {
   if (!options_.retain_scans) throw UsageError("a map without retained scans cannot follow corrected poses");
+  for (const auto& [id, pose] : T_w_c) check_pose(pose, "SemanticMapper::repose(): a pose");
   queue_.push(std::move(T_w_c));
 }
 
@@ -90,17 +122,30 @@ void SemanticMapper::fuse_next() {
   scanner_.gather(keyframe.scan, keyframe.T_w_c, voxels_);
   tree_.integrate(voxels_);
   ++fused_;
+  check_size();
   if (!behind() && !options_.retain_scans) {
     scans_.clear();
     fused_ = 0;
   }
 }
 
+void SemanticMapper::check_size() const {
+  // A node is an allocation of its own; every third or so has pointers to its children.
+  constexpr std::size_t kOverhead = 16 + 80 / 3;
+  if (tree_.size() * (tree_.memoryUsageNode() + kOverhead) <= options_.max_bytes) return;
+  throw InputError(
+      "map", 0,
+      fmt::format("takes more than {} MB at voxels of {} m: choose larger ones (--map-resolution), or "
+                  "allow more (--map-memory)",
+                  options_.max_bytes >> 20U, options_.resolution));
+}
+
 void SemanticMapper::run(MapKeyframe& keyframe) {
   scans_.push_back(
       {keyframe.id, keyframe.T_w_c,
        scanner_.pack(interop::view<float>(keyframe.depth), interop::view<std::uint8_t>(keyframe.dynamic_mask),
-                     interop::view<std::uint8_t>(keyframe.labels), BgrView{keyframe.bgr})});
+                     interop::view<std::uint8_t>(keyframe.labels), BgrView{keyframe.bgr}),
+       session_});
 }
 
 void SemanticMapper::run(Poses& poses) {
@@ -114,20 +159,25 @@ void SemanticMapper::run(Poses& poses) {
 }
 
 void SemanticMapper::run(Scans& scans) {
+  for (const Retained& keyframe : scans) session_ = std::max(session_, keyframe.session + 1);
   scans_.insert(scans_.end(), std::make_move_iterator(scans.begin()), std::make_move_iterator(scans.end()));
 }
 
 std::vector<std::pair<int, SE3<double>>> SemanticMapper::load_scans(const std::filesystem::path& path,
                                                                     const ScanOwner& owner) {
-  BinaryReader in = open_scans(path, owner.map_id);
+  std::vector<std::int32_t> sessions;
+  BinaryReader in = open_scans(path, owner.map_id, sessions);
   Scans scans;
   Poses poses;
   const std::size_t n = in.count(16);
+  sessions.resize(in.version() == kUnnamed ? n : sessions.size(), 0);
+  in.require(sessions.size() == n, "contradicts itself");
   for (std::size_t k = 0; k < n; ++k) {
     const int id = in.get<std::int32_t>();
     in.require(id >= 0 && id < owner.keyframes, "holds a scan of a keyframe that is not in the map");
     const auto T_w_c = in.get<SE3<double>>();
-    scans.push_back({id, T_w_c, read_scan(in, scanner_.samples())});
+    in.require(sessions[k] >= 0 && sessions[k] < kMostSessions, "holds a scan of no session");
+    scans.push_back({id, T_w_c, read_scan(in, scanner_.samples()), sessions[k]});
     poses.emplace_back(id, T_w_c);
   }
   in.finish();
@@ -137,23 +187,49 @@ std::vector<std::pair<int, SE3<double>>> SemanticMapper::load_scans(const std::f
 
 void copy_scans(const std::filesystem::path& from, std::uint64_t from_id, const std::filesystem::path& to,
                 std::uint64_t to_id) {
-  const BinaryReader in = open_scans(from, from_id);
+  std::vector<std::int32_t> sessions;
+  BinaryReader in = open_scans(from, from_id, sessions);
+  if (in.version() == kUnnamed) sessions.assign(BinaryReader(in).count(16), 0);
   BinaryWriter out;
   out.put(to_id);
+  out.put(sessions);
   out.put_bytes(in.rest());
   write_binary(to, kMagic, kVersion, out);
 }
 
 void SemanticMapper::save_scans(const std::filesystem::path& path, std::uint64_t map_id) const {
+  const std::vector<bool> needed = still_needed();
+  std::vector<std::int32_t> sessions;
+  for (std::size_t k = 0; k < scans_.size(); ++k) {
+    if (needed[k]) sessions.push_back(scans_[k].session);
+  }
   BinaryWriter out;
   out.put(map_id);
-  out.put(static_cast<std::uint64_t>(scans_.size()));
-  for (const Retained& keyframe : scans_) {
+  out.put(sessions);
+  out.put(static_cast<std::uint64_t>(sessions.size()));
+  for (std::size_t k = 0; k < scans_.size(); ++k) {
+    if (!needed[k]) continue;
+    const Retained& keyframe = scans_[k];
     out.put(static_cast<std::int32_t>(keyframe.id));
     out.put(keyframe.T_w_c);
     write_scan(out, keyframe.scan);
   }
   write_binary(path, kMagic, kVersion, out);
+}
+
+std::vector<bool> SemanticMapper::still_needed() const {
+  std::vector<bool> needed(scans_.size(), true);
+  for (std::size_t k = 0; k < scans_.size(); ++k) {
+    int visits = 0, last = scans_[k].session;
+    for (std::size_t later = k + 1; later < scans_.size() && visits < kVisits; ++later) {
+      // In the order of their sessions, as they were saved.
+      if (scans_[later].session <= last || !same_view(scans_[k].T_w_c, scans_[later].T_w_c)) continue;
+      last = scans_[later].session;
+      ++visits;
+    }
+    needed[k] = visits < kVisits;
+  }
+  return needed;
 }
 
 void SemanticMapper::save(const std::filesystem::path& path) const {

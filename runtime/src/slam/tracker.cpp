@@ -9,6 +9,7 @@
 
 #include "dynslam/features/masked_features.hpp"
 #include "dynslam/interop/opencv.hpp"
+#include "io/argument_check.hpp"
 #include "slam/input_check.hpp"
 #include "slam/tracker_present.hpp"
 
@@ -64,7 +65,7 @@ std::string_view to_string(TrackingState state) {
 }
 
 Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
-    : camera_(camera),
+    : camera_(checked(camera)),
       options_(options),
       additions_(options.additions.value_or(additions(options.method, options.dynamics))),
       extractor_(options.features),

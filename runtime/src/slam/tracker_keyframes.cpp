@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "dynslam/map/keyframe_policy.hpp"
+#include "io/argument_check.hpp"
 #include "slam/tracker_present.hpp"
 
 namespace dynslam::runtime {
@@ -64,6 +65,8 @@ void Tracker::finish() {
 }
 
 void Tracker::load(LocalMap map) {
+  check_argument(!initialised_ && frames_ == 0, "Tracker::load() comes before the first frame");
+  check_argument(!map.keyframes().empty(), "Tracker::load(): the map has no keyframe");
   map_ = std::move(map);
   for (const Keyframe& k : map_.keyframes()) {
     if (!k.culled()) places_.add(k.id, k.frame);

@@ -190,11 +190,24 @@ nlohmann::json to_json(const SynthOptions& options) {
           {"fps", options.fps}};
 }
 
+/// Refuses a folder with a sequence that this program did not make: its ground truth would be lost.
+void check_folder(const fs::path& out) {
+  if (fs::exists(out / "synth.json")) return;
+  for (const char* list : {"rgb.txt", "depth.txt", "associations.txt", "groundtruth.txt", "camera.txt"}) {
+    if (fs::exists(out / list))
+      throw InputError(
+          (out / list).string(), 0,
+          "is of a sequence that `dynslam synth` did not make (no synth.json beside it); it would be "
+          "overwritten");
+  }
+}
+
 }  // namespace
 
 void synthesize(const SynthOptions& options, const fs::path& out,
                 const std::function<void(int, int)>& progress) {
   check(options);
+  check_folder(out);
   for (const char* folder : {"rgb", "depth", "label", "instance", "dynamic_mask", "box_mask"}) {
     std::error_code error;
     fs::create_directories(out / folder, error);
@@ -207,6 +220,7 @@ void synthesize(const SynthOptions& options, const fs::path& out,
   in_parallel(
       options.frames, [&](int i) { photographer.take(i); }, progress);
 
+  write_file(out / "synth.json", to_json(options).dump(2) + "\n");
   write_file(out / "rgb.txt", lists.rgb);
   write_file(out / "depth.txt", lists.depth);
   write_file(out / "associations.txt", lists.associations);
@@ -216,7 +230,6 @@ void synthesize(const SynthOptions& options, const fs::path& out,
       fmt::format("name = synthetic\nwidth = {}\nheight = {}\nfx = {}\nfy = {}\ncx = {}\ncy = "
                   "{}\ndepth_units_per_metre = {}\n",
                   kWidth, kHeight, kCamera.fx(), kCamera.fy(), kCamera.cx(), kCamera.cy(), kDepthUnits));
-  write_file(out / "synth.json", to_json(options).dump(2) + "\n");
 }
 
 }  // namespace dynslam::runtime

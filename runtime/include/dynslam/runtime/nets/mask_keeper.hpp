@@ -28,6 +28,7 @@ class MaskKeeper {
   /// @param detected  masks of this image; nullopt where the network was not asked
   /// @param gray      CV_8UC1
   /// @param depth     CV_32FC1 metres, invalid: NaN or <= 0
+  /// @throws UsageError for images of another type, or not of one size, that of the calls before
   [[nodiscard]] Masks update(const std::optional<Masks>& detected, const cv::Mat& gray, const cv::Mat& depth);
 
   /// Masks of the last call that were carried, not detected.

@@ -23,8 +23,10 @@ struct RunOptions {
   std::filesystem::path masks;            ///< folder of a-priori masks; empty: none
   SegmentationStageOptions segmentation;  ///< used where its model is set; not together with `masks`
   bool save_masks = false;
-  bool map = true;                 ///< build and save map.ot
-  double map_resolution = 0.05;    ///< metres
+  bool map = true;               ///< build and save map.ot
+  double map_resolution = 0.05;  ///< metres
+  std::size_t map_memory = std::size_t(2)
+                           << 30;  ///< bytes that the octree may take; a run that needs more fails
   std::filesystem::path load_map;  ///< folder of an earlier run's map, to go on in; empty: a new one
   std::filesystem::path save_map;  ///< folder to save the map in; empty: not saved
   std::size_t max_frames = 0;      ///< 0: all

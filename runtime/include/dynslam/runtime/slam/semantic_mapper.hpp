@@ -29,7 +29,10 @@ struct SemanticMapperOptions {
   double resolution = 0.05;  ///< metres
   MapScanOptions scan;
   LogOddsParams<float> occupancy;
-  std::size_t queue = 2;     ///< keyframes waiting with their images; beyond, insert() blocks
+  std::size_t queue = 2;  ///< keyframes waiting with their images; beyond, insert() blocks
+  /// About what the octree may take [bytes]; beyond, insert() and finish() throw. A room of 100 m^2 takes 20
+  /// MB at 5 cm, so that more is mostly a mistake in the resolution or the camera.
+  std::size_t max_bytes = std::size_t(2) << 30;
   bool retain_scans = true;  ///< keep what repose() needs, about 400 kB per keyframe
 };
 
@@ -58,8 +61,8 @@ class SemanticMapper {
                  const SemanticMapperOptions& options);
 
   /// Queues a keyframe; the images are shared, not copied, and must not be changed afterwards.
-  /// Blocks while the queue is full; without retained scans until earlier ones are fused. @throws what the
-  /// thread met
+  /// Blocks while the queue is full; without retained scans until earlier ones are fused.
+  /// @throws UsageError for images of another size or type, or a pose that is none; what the thread met
   void insert(MapKeyframe keyframe);
   /// Queues a correction of keyframes' poses, as after a closed loop: the tree is built again from the scans
   /// queued so far, in their order, with these poses; keyframes that are not named keep theirs, unknown names
@@ -76,7 +79,9 @@ class SemanticMapper {
   /// Writes the tree (`.ot` of type SemanticOcTree) through a temporary file. Call finish() first. @throws
   /// InputError
   void save(const std::filesystem::path& path) const;
-  /// Writes the retained scans. Call finish() first. @param map_id  of the keyframes saved with them
+  /// Writes the retained scans. What two later sessions have scanned again from about the same place
+  /// (same_view()) is left out, so that the file does not grow with the number of visits.
+  /// Call finish() first. @param map_id  of the keyframes saved with them
   /// @throws InputError
   void save_scans(const std::filesystem::path& path, std::uint64_t map_id) const;
   /// Valid after finish().
@@ -90,6 +95,7 @@ class SemanticMapper {
     int id;
     SE3<double> T_w_c;
     MapScan scan;
+    int session = 0;  // that made it, counted from the first
   };
   using Scans = std::vector<Retained>;
   using Job = std::variant<MapKeyframe, Poses, Scans>;
@@ -98,16 +104,21 @@ class SemanticMapper {
   /// Whether scans are still to be fused. Of the thread alone.
   [[nodiscard]] bool behind() const { return fused_ < scans_.size(); }
   void fuse_next();
+  void check_size() const;
+  /// Whether each scan is worth keeping.
+  [[nodiscard]] std::vector<bool> still_needed() const;
   void run(MapKeyframe& keyframe);
   void run(Poses& poses);
   void run(Scans& scans);
 
   SemanticMapperOptions options_;
+  cv::Size size_;  // of the images
   MapScanner scanner_;
   interop::SemanticOcTree tree_;
   ScanVoxels voxels_;
   Scans scans_;            // in their order; those that are fused are kept where they are retained
   std::size_t fused_ = 0;  // of them, in the tree
+  int session_ = 0;        // of new scans
 
   BoundedQueue<Job> queue_;
   std::jthread thread_;  // last: it uses all of the above
