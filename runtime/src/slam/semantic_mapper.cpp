@@ -4,12 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdint>
 #include <exception>
 #include <iterator>
-#include <numbers>
 #include <optional>
-#include <string_view>
 #include <unordered_map>
 #include <utility>
 
@@ -19,25 +16,11 @@
 #include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/mask_reader.hpp"
 #include "io/argument_check.hpp"
-#include "io/binary_file.hpp"
 #include "threads/thread_priority.hpp"
 
 namespace dynslam::runtime {
 namespace {
 
-constexpr std::string_view kMagic = "dynslam scans";
-constexpr std::uint32_t kVersion = 2;  // 1 did not name the keyframes that the scans belong to
-constexpr std::uint32_t kUnnamed = 1;
-constexpr std::int32_t kMostSessions = 1 << 30;
-// From so near, scans show the same: four fifths of the view at 3 m.
-constexpr double kSamePlace = 0.2;                             // metres
-constexpr double kSameTurn = 15.0 * std::numbers::pi / 180.0;  // rad
-constexpr int kVisits = 2;                                     // later sessions that make up for a scan
-
-bool same_view(const SE3<double>& a, const SE3<double>& b) {
-  return (a.translation() - b.translation()).norm() < kSamePlace &&
-         (a.so3() * b.so3().inverse()).log().norm() < kSameTurn;
-}
 static_assert(static_cast<int>(Label::person) == MapScanOptions{}.mover_label);
 
 const SemanticMapperOptions& checked(const SemanticMapperOptions& options, int width, int height) {
@@ -45,17 +28,6 @@ const SemanticMapperOptions& checked(const SemanticMapperOptions& options, int w
   check_argument(options.resolution >= 1e-4 && options.resolution <= 100,
                  "SemanticMapper: the resolution must be from 0.0001 to 100 m");
   return options;
-}
-
-/// @param sessions  one per scan; empty for version 1
-/// @return the file behind these
-BinaryReader open_scans(const std::filesystem::path& path, std::uint64_t map_id,
-                        std::vector<std::int32_t>& sessions) {
-  BinaryReader in = read_binary(path, kMagic, kVersion, kUnnamed);
-  in.require(in.version() == kUnnamed || in.get<std::uint64_t>() == map_id,
-             "belongs to other keyframes than those beside it");
-  if (in.version() != kUnnamed) in.get(sessions);
-  return in;
 }
 
 }  // namespace
@@ -161,75 +133,6 @@ void SemanticMapper::run(Poses& poses) {
 void SemanticMapper::run(Scans& scans) {
   for (const Retained& keyframe : scans) session_ = std::max(session_, keyframe.session + 1);
   scans_.insert(scans_.end(), std::make_move_iterator(scans.begin()), std::make_move_iterator(scans.end()));
-}
-
-std::vector<std::pair<int, SE3<double>>> SemanticMapper::load_scans(const std::filesystem::path& path,
-                                                                    const ScanOwner& owner) {
-  std::vector<std::int32_t> sessions;
-  BinaryReader in = open_scans(path, owner.map_id, sessions);
-  Scans scans;
-  Poses poses;
-  const std::size_t n = in.count(16);
-  sessions.resize(in.version() == kUnnamed ? n : sessions.size(), 0);
-  in.require(sessions.size() == n, "contradicts itself");
-  for (std::size_t k = 0; k < n; ++k) {
-    const int id = in.get<std::int32_t>();
-    in.require(id >= 0 && id < owner.keyframes, "holds a scan of a keyframe that is not in the map");
-    const auto T_w_c = in.get<SE3<double>>();
-    in.require(sessions[k] >= 0 && sessions[k] < kMostSessions, "holds a scan of no session");
-    scans.push_back({id, T_w_c, read_scan(in, scanner_.samples()), sessions[k]});
-    poses.emplace_back(id, T_w_c);
-  }
-  in.finish();
-  queue_.push(std::move(scans));
-  return poses;
-}
-
-void copy_scans(const std::filesystem::path& from, std::uint64_t from_id, const std::filesystem::path& to,
-                std::uint64_t to_id) {
-  std::vector<std::int32_t> sessions;
-  BinaryReader in = open_scans(from, from_id, sessions);
-  if (in.version() == kUnnamed) sessions.assign(BinaryReader(in).count(16), 0);
-  BinaryWriter out;
-  out.put(to_id);
-  out.put(sessions);
-  out.put_bytes(in.rest());
-  write_binary(to, kMagic, kVersion, out);
-}
-
-void SemanticMapper::save_scans(const std::filesystem::path& path, std::uint64_t map_id) const {
-  const std::vector<bool> needed = still_needed();
-  std::vector<std::int32_t> sessions;
-  for (std::size_t k = 0; k < scans_.size(); ++k) {
-    if (needed[k]) sessions.push_back(scans_[k].session);
-  }
-  BinaryWriter out;
-  out.put(map_id);
-  out.put(sessions);
-  out.put(static_cast<std::uint64_t>(sessions.size()));
-  for (std::size_t k = 0; k < scans_.size(); ++k) {
-    if (!needed[k]) continue;
-    const Retained& keyframe = scans_[k];
-    out.put(static_cast<std::int32_t>(keyframe.id));
-    out.put(keyframe.T_w_c);
-    write_scan(out, keyframe.scan);
-  }
-  write_binary(path, kMagic, kVersion, out);
-}
-
-std::vector<bool> SemanticMapper::still_needed() const {
-  std::vector<bool> needed(scans_.size(), true);
-  for (std::size_t k = 0; k < scans_.size(); ++k) {
-    int visits = 0, last = scans_[k].session;
-    for (std::size_t later = k + 1; later < scans_.size() && visits < kVisits; ++later) {
-      // In the order of their sessions, as they were saved.
-      if (scans_[later].session <= last || !same_view(scans_[k].T_w_c, scans_[later].T_w_c)) continue;
-      last = scans_[later].session;
-      ++visits;
-    }
-    needed[k] = visits < kVisits;
-  }
-  return needed;
 }
 
 void SemanticMapper::save(const std::filesystem::path& path) const {

@@ -27,11 +27,4 @@ struct BgrView {
 };
 static_assert(RgbImage<BgrView>);
 
-class BinaryReader;
-class BinaryWriter;
-
-void write_scan(BinaryWriter& out, const MapScan& scan);
-/// @param samples  pixels that the camera's scans have. @throws InputError for what cannot be a scan
-[[nodiscard]] MapScan read_scan(BinaryReader& in, std::size_t samples);
-
 }  // namespace dynslam::runtime
