@@ -78,7 +78,7 @@ std::vector<Frame> read_frames(const std::string& folder, double units) {
     f.t = t_colour[i];
     f.gray = cv::imread(folder + "/" + colours[i][1], cv::IMREAD_GRAYSCALE);
     cv::imread(folder + "/" + depths[k][1], cv::IMREAD_UNCHANGED).convertTo(f.depth, CV_32F, 1.0 / units);
-    f.depth.setTo(std::numeric_limits<float>::quiet_NaN(), f.depth <= 0);
+    f.depth.setTo(std::numeric_limits<double>::quiet_NaN(), f.depth <= 0);
     frames.push_back(std::move(f));
   }
   return frames;
