@@ -226,7 +226,7 @@ TEST_CASE("runs at the same time share a folder of cached masks") {
 
 TEST_CASE("torchvision's Mask R-CNN answers as in torchvision: boxes, scores and masks of a small one") {
   // Made by tools/export_maskrcnn.py --tiny, which also wrote what torchvision itself said of this picture.
-  const auto data = std::filesystem::path(__FILE__).parent_path().parent_path() / "data";
+  const auto data = std::filesystem::path(DYNSLAM_SOURCE) / "tests" / "data";
   if (!has_onnxruntime()) {
     MESSAGE("skipped: built without ONNX Runtime, and OpenCV's dnn does not load this graph");
     return;
@@ -277,8 +277,7 @@ TEST_CASE("torchvision's Mask R-CNN answers as in torchvision: boxes, scores and
 }
 
 TEST_CASE("the demo network knows people, chairs and displays of a world that it was not trained on") {
-  const auto model = std::filesystem::path(__FILE__).parent_path().parent_path().parent_path() / "models" /
-                     "demo_segmenter.onnx";
+  const auto model = std::filesystem::path(DYNSLAM_SOURCE) / "models" / "demo_segmenter.onnx";
   const test::TemporaryFolder folder;
   SynthOptions synth;
   synth.seed = 5;  // training starts at 100
