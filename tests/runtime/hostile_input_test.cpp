@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <fstream>
-#include <functional>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <sstream>
@@ -21,28 +20,17 @@
 #include "dynslam/runtime/nets/segmentation_stage.hpp"
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 #include "dynslam/runtime/synth/synth.hpp"
+#include "error_text.hpp"
 #include "run_fixture.hpp"
 #include "tiny_onnx.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
+using test::error_of, test::mentions;
 namespace fs = std::filesystem;
 using test::bytes;
 
 namespace {
-
-std::string error_of(const std::function<void()>& f) {
-  try {
-    f();
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return {};
-}
-
-bool mentions(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
 
 void write(const fs::path& path, const std::string& content) {
   std::ofstream(path, std::ios::binary) << content;

@@ -14,28 +14,15 @@
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/slam/pipeline.hpp"
+#include "error_text.hpp"
 #include "tum_fixture.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
+using test::error_of, test::mentions;
 namespace fs = std::filesystem;
 
 namespace {
-
-/// The message of the InputError that `f` throws; empty when it throws none.
-template <class F>
-std::string error_of(F&& f) {
-  try {
-    f();
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return {};
-}
-
-bool mentions(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
 
 void truncate(const fs::path& path, std::uintmax_t keep) {
   fs::resize_file(path, keep);

@@ -19,26 +19,15 @@
 #include "dynslam/runtime/io/saved_map.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
+#include "error_text.hpp"
 #include "tum_fixture.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
+using test::error_of, test::mentions;
 namespace fs = std::filesystem;
 
 namespace {
-
-std::string error_of(const std::function<void()>& f) {
-  try {
-    f();
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return {};
-}
-
-bool mentions(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
 
 /// A disk that gives some text and then fails.
 class FailingDisk : public std::streambuf {
