@@ -202,7 +202,7 @@ void features_of(const ImageSet<S>& set, Record<double>& out) {
   out.put("to_base", to_base<S>(bytes, Eigen::Matrix<S, 2, 1>(S(33), S(21)), 2).template cast<double>());
   CornerWorkspace workspace;
   std::vector<Eigen::Vector2i> corners;
-  find_corners(bytes.image(0), CornerOptions{}, workspace, corners);
+  find_corners(bytes.image(0), 400, CornerOptions{}, workspace, corners);
   out.put("corners", static_cast<double>(corners.size()));
   FeaturePlacer<PinholeBrownConrady<S>> placer(camera, kWidth, kHeight);
   std::vector<Feature> features(3);

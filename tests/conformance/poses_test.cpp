@@ -12,6 +12,7 @@
 #include "dynslam/optim/pose.hpp"
 #include "dynslam/optim/pose_consensus.hpp"
 #include "dynslam/optim/surface_weights.hpp"
+#include "dynslam/optim/truncated_cost.hpp"
 #include "dynslam/robust/kernels.hpp"
 #include "dynslam/robust/t_distribution.hpp"
 #include "scene.hpp"
@@ -73,6 +74,9 @@ void poses(test::Record<double>& out) {
   out.put("pose_consensus.inliers", agreed.inliers);
   put_pose(out, "pose_consensus", agreed.T_c_w);
   put_pose(out, "pose_consensus.short", pose_consensus(camera, view, start, few).T_c_w);
+  const auto cost = truncated_cost<S>(
+      camera, truth, view, S(6), [&](std::size_t k) { return weights[k]; }, S(0), S(1e9));
+  out.put("truncated_cost.inliers", cost ? cost->inliers : 0);
   AbsolutePoseWorkspace absolute;
   const auto found = absolute_pose(camera, view, AbsolutePoseOptions<S>{}, absolute);
   out.put("absolute_pose.inliers", found.inliers);

@@ -108,11 +108,10 @@ TEST_CASE("corners are spread over the image and lie on texture") {
   for (int v = 0; v < 240; ++v) {
     for (int u = 160; u < 320; ++u) image(u, v) = 90;  // half of it flat
   }
-  CornerOptions options;
-  options.count = 100;
+  const CornerOptions options;
   CornerWorkspace workspace;
   std::vector<Eigen::Vector2i> corners;
-  find_corners(image, options, workspace, corners);
+  find_corners(image, 100, options, workspace, corners);
   CHECK(corners.size() > 30);
   CHECK(corners.size() < 75);
   for (const auto& c : corners) {
@@ -121,6 +120,6 @@ TEST_CASE("corners are spread over the image and lie on texture") {
     CHECK(c.y() >= options.border);
     CHECK(c.y() < 240 - options.border);
   }
-  find_corners(Image<std::uint8_t>(15, 15), options, workspace, corners);
+  find_corners(Image<std::uint8_t>(15, 15), 100, options, workspace, corners);
   CHECK(corners.empty());
 }

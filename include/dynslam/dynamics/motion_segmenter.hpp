@@ -309,9 +309,9 @@ class MotionSegmenter {
 
   void take_reference(const SE3<S>& T_c_w) {
     const int level = std::min(1, pyramid_.size() - 1);
-    CornerOptions corners = options_.own_reference.corners;
-    corners.count = options_.own_reference.corners_per_keypoint * options_.reference.points;
-    find_corners(pyramid_.image(level), corners, corner_workspace_, corners_);
+    find_corners(pyramid_.image(level),
+                 options_.own_reference.corners_per_keypoint * options_.reference.points,
+                 options_.own_reference.corners, corner_workspace_, corners_);
     keypoints_.clear();
     for (const Eigen::Vector2i& corner : corners_) {
       const Vector2 x = to_base<S>(pyramid_, corner.template cast<S>().eval(), level);

@@ -14,7 +14,6 @@
 namespace dynslam {
 
 struct CornerOptions {
-  int count = 400;            ///< wanted; the image is cut into as many square cells, with one corner each
   int radius = 3;             ///< half side of the window whose gradients are judged [px]
   int border = 11;            ///< pixels at the image's border without corners: room for a patch
   float min_response = 8.0F;  ///< smaller eigenvalue of the mean gradient product [grey^2/px^2]
@@ -54,13 +53,14 @@ inline void box_mean(Image<float>& image, Image<float>& rows, int radius) {
 }
 }  // namespace detail
 
-/// Corners spread over an image: in each of `count` cells the pixel whose surroundings determine a position
+/// Corners spread over an image: cut into `count` square cells, in each of them the pixel whose surroundings determine a position
 /// best, by the smaller eigenvalue of the mean gradient product (Shi and Tomasi 1994).
+/// @param count  wanted, > 0
 /// @param out  pixels, cell by cell; fewer than `count` where cells are flat
 template <RowImage I>
-void find_corners(const I& image, const CornerOptions& options, CornerWorkspace& ws,
+void find_corners(const I& image, int count, const CornerOptions& options, CornerWorkspace& ws,
                   std::vector<Eigen::Vector2i>& out) {
-  DYNSLAM_ASSERT(options.count > 0 && options.radius >= 0, "a number of corners and a window");
+  DYNSLAM_ASSERT(count > 0 && options.radius >= 0, "a number of corners and a window");
   out.clear();
   const int w = image.width(), h = image.height();
   const int border = std::max(options.border, options.radius + 1);
@@ -82,7 +82,7 @@ void find_corners(const I& image, const CornerOptions& options, CornerWorkspace&
   }
   for (auto* product : {&ws.xx, &ws.xy, &ws.yy}) detail::box_mean(*product, ws.sum, options.radius);
   const double area = static_cast<double>(w - 2 * border) * (h - 2 * border);
-  const int cell = std::max(1, static_cast<int>(std::ceil(std::sqrt(area / options.count))));
+  const int cell = std::max(1, static_cast<int>(std::ceil(std::sqrt(area / count))));
   for (int top = border; top < h - border; top += cell) {
     for (int left = border; left < w - border; left += cell) {
       float best = options.min_response;

@@ -14,6 +14,7 @@
 #include "dynslam/geometry/rigid_alignment.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/optim/pose_residual.hpp"
+#include "dynslam/optim/truncated_cost.hpp"
 #include "dynslam/robust/consensus.hpp"
 
 namespace dynslam {
@@ -73,23 +74,6 @@ template <std::floating_point S, class Camera>
   return horn_alignment<S>(mapped, measured);
 }
 
-/// Truncated cost and inliers of a pose. @return false, and the sums unfinished, as soon as it costs `most`
-template <std::floating_point S, class Camera>
-bool truncated_cost(const Camera& camera, const SE3<S>& T_c_w,
-                    std::span<const PoseObservation<S>> observations, S truncation, S most, S& cost,
-                    int& inliers) {
-  const auto motion = T_c_w.isometry();
-  cost = S(0);
-  inliers = 0;
-  for (const PoseObservation<S>& o : observations) {
-    const S e = std::min(truncation, observation_chi2(camera, motion, o));
-    inliers += e < truncation ? 1 : 0;
-    cost += e;
-    if (cost >= most) return false;
-  }
-  return cost < most;
-}
-
 }  // namespace detail
 
 /// The pose from observations of map points alone, without a guess (relocalisation, loop closing), where
@@ -123,15 +107,14 @@ template <std::floating_point S, CameraOf<S> Camera>
           consider(*T);
       },
       [&](const SE3<S>& T) -> std::optional<S> {
-        S cost;
-        int inliers;
-        if (!detail::truncated_cost<S>(camera, T, observations, options.truncation, best.cost, cost, inliers))
-          return std::nullopt;
+        const auto sum = truncated_cost<S>(
+            camera, T, observations, options.truncation, [](std::size_t) { return S(1); }, S(0), best.cost);
+        if (!sum) return std::nullopt;
         best.status = AbsolutePoseStatus::found;
-        best.cost = cost;
+        best.cost = sum->cost;
         best.T_c_w = T;
-        best.inliers = inliers;
-        return static_cast<S>(inliers) / static_cast<S>(observations.size());
+        best.inliers = sum->inliers;
+        return static_cast<S>(sum->inliers) / static_cast<S>(observations.size());
       });
   return best;
 }

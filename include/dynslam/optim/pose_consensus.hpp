@@ -17,6 +17,7 @@
 #include "dynslam/optim/pose_equations.hpp"
 #include "dynslam/optim/pose_residual.hpp"
 #include "dynslam/optim/surface_weights.hpp"
+#include "dynslam/optim/truncated_cost.hpp"
 #include "dynslam/robust/consensus.hpp"
 
 namespace dynslam {
@@ -78,18 +79,14 @@ class PoseConsensusSearch {
 
   /// Makes a pose the best one if it is. @return whether it is
   bool judge(const SE3<S>& T) {
-    const auto motion = T.isometry();
-    S cost = prior_weight_ > S(0) ? prior_weight_ * std::min(options_.truncation, prior_chi2(T)) : S(0);
-    int inliers = 0;
-    for (std::size_t k = 0; k < observations_.size(); ++k) {
-      const S e = std::min(options_.truncation, observation_chi2(camera_, motion, observations_[k]));
-      inliers += e < options_.truncation ? 1 : 0;
-      cost += weight(k) * e;
-      if (cost >= best_.cost) return false;
-    }
+    const S prior = prior_weight_ > S(0) ? prior_weight_ * std::min(options_.truncation, prior_chi2(T)) : S(0);
+    const auto sum = truncated_cost<S>(
+        camera_, T, observations_, options_.truncation, [this](std::size_t k) { return weight(k); }, prior,
+        best_.cost);
+    if (!sum) return false;
     best_.T_c_w = T;
-    best_.cost = cost;
-    best_.inliers = inliers;
+    best_.cost = sum->cost;
+    best_.inliers = sum->inliers;
     return true;
   }
 
