@@ -15,7 +15,7 @@
 #include "dynslam/runtime/evaluation/ablate.hpp"
 #include "dynslam/runtime/evaluation/evaluate.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
-#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/run/run_sequence.hpp"
 #include "exit_codes.hpp"
 #include "progress_line.hpp"
 #include "validators.hpp"

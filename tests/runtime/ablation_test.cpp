@@ -12,7 +12,7 @@
 #include "dynslam/runtime/evaluation/ablate.hpp"
 #include "dynslam/runtime/evaluation/evaluate.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
-#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/run/run_sequence.hpp"
 #include "dynslam/runtime/synth/synth.hpp"
 #include "run_fixture.hpp"
 

@@ -105,7 +105,7 @@ TEST_CASE("a damaged mask in the cache is asked of the network again, and replac
     o.cache = cache.path / "masks";
     SegmentationStage stage(frames, o);
     int pixels = 0;
-    while (auto next = stage.next()) pixels += cv::countNonZero(next->masks->dynamic);
+    while (auto next = stage.next()) pixels += cv::countNonZero(next->segmented.masks->dynamic);
     return pixels;
   };
   const int expected = run();

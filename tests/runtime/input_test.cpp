@@ -13,7 +13,7 @@
 #include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
-#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/run/run_sequence.hpp"
 #include "error_text.hpp"
 #include "tum_fixture.hpp"
 

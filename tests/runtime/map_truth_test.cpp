@@ -11,7 +11,7 @@
 
 #include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
-#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/run/run_sequence.hpp"
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 #include "dynslam/runtime/synth/synth.hpp"
 #include "map_truth.hpp"

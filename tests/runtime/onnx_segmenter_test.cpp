@@ -181,8 +181,8 @@ TEST_CASE(
     SegmentationStage stage(frames, o);
     std::vector<cv::Mat> masks;
     while (auto next = stage.next()) {
-      REQUIRE(next->masks.has_value());
-      masks.push_back(next->masks->dynamic);
+      REQUIRE(next->segmented.masks.has_value());
+      masks.push_back(next->segmented.masks->dynamic);
     }
     return masks;
   };
@@ -211,7 +211,7 @@ TEST_CASE("runs at the same time share a folder of cached masks") {
     o.cache = cache.path;
     SegmentationStage stage(frames, o);
     int pixels = 0;
-    while (auto next = stage.next()) pixels += cv::countNonZero(next->masks->dynamic);
+    while (auto next = stage.next()) pixels += cv::countNonZero(next->segmented.masks->dynamic);
     return pixels;
   };
   const int alone = run();

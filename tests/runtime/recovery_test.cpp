@@ -15,7 +15,7 @@
 #include "dynslam/runtime/evaluation/evaluate.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
-#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/run/run_sequence.hpp"
 #include "run_fixture.hpp"
 
 using namespace dynslam;

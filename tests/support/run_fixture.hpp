@@ -7,7 +7,7 @@
 #include <iterator>
 #include <string>
 
-#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/run/run_sequence.hpp"
 #include "dynslam/runtime/synth/synth.hpp"
 #include "tum_fixture.hpp"
 

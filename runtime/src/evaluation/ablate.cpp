@@ -10,7 +10,6 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <span>
-#include <system_error>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
@@ -20,6 +19,7 @@
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
+#include "io/make_folder.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -131,12 +131,6 @@ std::vector<std::string> notes(const Ablation& ablation) {
 
 cv::Mat read_mask(const fs::path& path) {
   return fs::exists(path) ? read_image(path, cv::IMREAD_GRAYSCALE) : cv::Mat();
-}
-
-void make_folder(const fs::path& path) {
-  std::error_code error;
-  fs::create_directories(path, error);
-  if (error) throw InputError(path.string(), 0, "cannot be made a folder: " + error.message());
 }
 
 /// Writes out/overlays.png (rows: truth where known and modes; columns: frames spread over the sequence) and

@@ -12,14 +12,13 @@
 #include <string_view>
 #include <utility>
 
-#include "dynslam/image/depth.hpp"
-#include "dynslam/interop/opencv.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "io/argument_check.hpp"
+#include "io/frame_of_images.hpp"
 #include "threads/thread_priority.hpp"
 
 namespace dynslam::runtime {
@@ -158,9 +157,7 @@ RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const Camer
   if (raw.type() != CV_16UC1)
     throw InputError(record.depth.string(), 0, "is not a 16-bit image of one channel");
   cv::cvtColor(frame.bgr, frame.gray, cv::COLOR_BGR2GRAY);
-  frame.depth.create(raw.size(), CV_32FC1);
-  depth_to_metres<float>(interop::view<const std::uint16_t>(raw),
-                         static_cast<float>(camera.depth_units_per_metre), interop::view<float>(frame.depth));
+  frame.depth = depth_in_metres(raw, camera);
   return frame;
 }
 

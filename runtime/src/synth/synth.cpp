@@ -19,6 +19,7 @@
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
+#include "io/make_folder.hpp"
 #include "synth/camera_path.hpp"
 #include "synth/random.hpp"
 #include "synth/synth_render.hpp"
@@ -208,11 +209,8 @@ void synthesize(const SynthOptions& options, const fs::path& out,
                 const std::function<void(int, int)>& progress) {
   check(options);
   check_folder(out);
-  for (const char* folder : {"rgb", "depth", "label", "instance", "dynamic_mask", "box_mask"}) {
-    std::error_code error;
-    fs::create_directories(out / folder, error);
-    if (error) throw InputError((out / folder).string(), 0, "cannot be made: " + error.message());
-  }
+  for (const char* folder : {"rgb", "depth", "label", "instance", "dynamic_mask", "box_mask"})
+    make_folder(out / folder);
   synth::Random random(options.seed * 0x2545F491ULL + 3);
   const synth::Shake shake(random);
   const Plan lists = plan(options, shake);

@@ -11,7 +11,7 @@
 
 #include "dynslam/runtime/evaluation/evaluate.hpp"
 #include "dynslam/runtime/evaluation/report.hpp"
-#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/run/run_sequence.hpp"
 
 namespace dynslam::runtime {
 

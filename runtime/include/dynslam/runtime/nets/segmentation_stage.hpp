@@ -2,33 +2,24 @@
 #pragma once
 
 #include <cstddef>
-#include <filesystem>
 #include <optional>
-#include <string>
 #include <thread>
 
 #include "dynslam/runtime/io/tum_reader.hpp"
-#include "dynslam/runtime/nets/mask_keeper.hpp"
-#include "dynslam/runtime/nets/onnx_segmenter.hpp"
+#include "dynslam/runtime/nets/frame_segmenter.hpp"
 #include "dynslam/runtime/threads/bounded_queue.hpp"
 
 namespace dynslam::runtime {
 
-struct SegmentationStageOptions {
-  SegmenterOptions segmenter;
-  MaskKeeperOptions keeper;
-  int every = 1;                ///< the network sees every so many frames; between them masks are carried
-  bool async = true;            ///< on a thread of its own, ahead of the tracker
-  bool keep = true;             ///< refine by depth and carry what the network misses
-  std::size_t queue = 2;        ///< frames segmented ahead
-  std::filesystem::path cache;  ///< folder that keeps the network's masks between runs; empty: none
+struct SegmentationStageOptions : FrameSegmenterOptions {
+  bool async = true;      ///< on a thread of its own, ahead of the tracker
+  std::size_t queue = 2;  ///< frames segmented ahead
 };
 
 /// A frame with its masks.
 struct SegmentedFrame {
   FrameResult frame;
-  std::optional<Masks> masks;
-  double network_ms = 0, keeper_ms = 0;
+  FrameMasks segmented;
 };
 
 /// The paper's first stage, off the critical path: frames pass from the reader through the network to
@@ -37,25 +28,22 @@ struct SegmentedFrame {
 class SegmentationStage {
  public:
   /// @param frames  must outlive the stage and is read by it alone
-  /// @throws what OnnxSegmenter throws
+  /// @throws what FrameSegmenter throws
   SegmentationStage(FrameStream& frames, const SegmentationStageOptions& options);
 
   /// Next frame, broken ones included (without masks); nullopt at the end.
   /// @throws what the network met at that frame
   std::optional<SegmentedFrame> next();
 
-  [[nodiscard]] const OnnxSegmenter& segmenter() const { return segmenter_; }
+  [[nodiscard]] const OnnxSegmenter& segmenter() const { return segmenter_.segmenter(); }
 
  private:
   [[nodiscard]] std::optional<SegmentedFrame> process();
-  [[nodiscard]] Masks network_masks(const RgbdFrame& frame);
   void work(const std::stop_token& stop);
 
   FrameStream& frames_;
-  SegmentationStageOptions options_;
-  OnnxSegmenter segmenter_;
-  MaskKeeper keeper_;
-  std::string cache_key_;
+  bool async_;
+  FrameSegmenter segmenter_;
   BoundedQueue<SegmentedFrame> queue_;
   std::jthread thread_;  // last: it uses all of the above
 };

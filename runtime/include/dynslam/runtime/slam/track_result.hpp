@@ -41,6 +41,9 @@ enum class TrackingState { not_initialised, tracked, relocalised, lost };
 
 struct TrackResult {
   TrackingState state = TrackingState::not_initialised;
+  [[nodiscard]] bool ok() const {
+    return state == TrackingState::tracked || state == TrackingState::relocalised;
+  }
   SE3<double> T_w_c;  ///< as known now; the final pose is T_c_reference's with the reference's last one
   int reference = 0;  ///< the newest keyframe
   SE3<double> T_c_reference;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/run_summary.hpp"
+#include "run/run_summary.hpp"
 
 #include <fmt/format.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/run_timings.hpp"
+#include "run/run_timings.hpp"
 
 #include <fmt/format.h>
 

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "dynslam/runtime/io/camera.hpp"
-#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/run/run_sequence.hpp"
 
 namespace dynslam::runtime {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/run/run_sequence.hpp"
 
 #include <fmt/format.h>
 #include <sys/resource.h>
@@ -20,12 +20,13 @@
 #include "dynslam/runtime/io/saved_map.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/slam.hpp"
 #include "dynslam/runtime/slam/frame_preparation.hpp"
 #include "dynslam/runtime/stopwatch.hpp"
-#include "io/run_summary.hpp"
-#include "io/run_timings.hpp"
+#include "io/make_folder.hpp"
 #include "io/space_reserve.hpp"
-#include "slam/run_map.hpp"
+#include "run/run_summary.hpp"
+#include "run/run_timings.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -36,23 +37,6 @@ double peak_rss_mb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return static_cast<double>(usage.ru_maxrss) / 1024.0;
-}
-
-void make_folder(const fs::path& path) {
-  std::error_code error;
-  fs::create_directories(path, error);
-  if (error || !fs::is_directory(path))
-    throw InputError(path.string(), 0, "cannot be made a folder: " + error.message());
-}
-
-/// Of two folders that need not exist, links followed.
-bool lies_in(const fs::path& inner, const fs::path& outer) {
-  const auto clean = [](const fs::path& path) {
-    const fs::path full = fs::weakly_canonical(fs::absolute(path));
-    return full.has_filename() ? full : full.parent_path();
-  };
-  const fs::path a = clean(inner), b = clean(outer);
-  return std::mismatch(a.begin(), a.end(), b.begin(), b.end()).second == b.end();
 }
 
 bool uses_network(const RunOptions& options) {
@@ -79,19 +63,16 @@ SequenceOptions sequence_options(const RunOptions& options) {
   return result;
 }
 
-TrackerOptions tracker_options(const RunOptions& options) {
-  TrackerOptions result = options.tracker;
+SlamOptions slam_options(const RunOptions& options) {
+  SlamOptions result;  // without a network: its masks are made ahead, on a thread of their own
   result.dynamics = options.dynamics;
-  result.seed = result.geometry.weights.seed = options.seed;
+  result.map = options.map;
+  result.map_resolution = options.map_resolution;
+  result.map_memory = options.map_memory;
+  result.seed = options.seed;
+  result.tracker = options.tracker;
   return result;
 }
-
-/// A frame with its a-priori masks, as they come from the decoder and the segmentation.
-struct Input {
-  FrameResult result;
-  std::optional<Masks> prior;
-  double network_ms = 0, keeper_ms = 0;
-};
 
 /// A run: its parts, and what it has so far.
 class Run {
@@ -114,25 +95,14 @@ class Run {
   RunSummary summary();
 
  private:
-  struct FramePose {  // of a tracked frame, relative to its keyframe
-    double t;
-    int reference;
-    SE3<double> T_c_reference;
-    bool keyframe;
-  };
-
   void prepare_outputs();
-  void load_map();
   void note_problem(std::string problem);
-  std::optional<Input> next();
-  void take(Input& input);
+  std::optional<SegmentedFrame> next();
+  void take(SegmentedFrame& input);
   void report(const std::function<void(const Progress&)>& progress) const;
   void count_missing_masks();
   void judge_broken();
-  /// Trajectory as the map has it now.
-  [[nodiscard]] std::vector<StampedPose<double>> poses(bool keyframes_alone) const;
   void save_progress();
-  void save_map();
   void write_files();
   void write_summary();
 
@@ -140,19 +110,15 @@ class Run {
   Sequence sequence_;
   CameraConfig camera_;
   std::optional<MaskSource> masks_;
-  std::unique_ptr<Tracker> tracker_;
-  std::unique_ptr<RunMap> map_;
+  std::unique_ptr<Slam> slam_;
   std::unique_ptr<FramePreparation> prepare_;
   std::unique_ptr<FrameStream> stream_;
   std::unique_ptr<SegmentationStage> segmentation_;
   RunSummary summary_;
   RunTimings timings_;
-  std::vector<FramePose> poses_;
   std::exception_ptr failure_;
   std::optional<SpaceReserve> reserve_;
-  std::uint64_t loaded_id_ = 0;  // of the map that was loaded
-  std::size_t unlisted_ = 0;     // problems that are not in the summary
-  bool computing_ = false;       // a step is under way that leaves tracker or map in pieces where it fails
+  std::size_t unlisted_ = 0;  // problems that are not in the summary
   Stopwatch wall_, since_saved_;
   double elapsed_ms_ = 0, unsaved_ms_ = 0;
 };
@@ -164,12 +130,10 @@ Run::Run(const RunOptions& options)
   if (uses_semantic(options.dynamics) && !uses_network(options)) masks_.emplace(options.masks, MaskOptions{});
   summary_.interrupted = true;  // until the run has ended
   prepare_outputs();
-  const TrackerOptions tracking = tracker_options(options);
-  tracker_ = std::make_unique<Tracker>(camera_, tracking);
-  if (options.map) map_ = std::make_unique<RunMap>(camera_, options.map_resolution, options.map_memory);
-  if (!options.load_map.empty()) load_map();
+  slam_ = std::make_unique<Slam>(camera_, slam_options(options));
+  if (!options.load_map.empty()) slam_->load(options.load_map);
   if (!options.save_map.empty()) check_map_folder(options.save_map);
-  prepare_ = std::make_unique<FramePreparation>(tracking);
+  prepare_ = std::make_unique<FramePreparation>(options.tracker);
   wall_ = Stopwatch();
   stream_ = std::make_unique<FrameStream>(sequence_, camera_,
                                           StreamOptions{.queue = 4, .prepare = std::ref(*prepare_)});
@@ -187,12 +151,6 @@ void Run::prepare_outputs() {
   reserve_.emplace(options_.out, kPerFrame * sequence_.frames.size() + kOthers);
 }
 
-void Run::load_map() {
-  tracker_->load(load_slam_map(options_.load_map, camera_, &loaded_id_));
-  const int keyframes = static_cast<int>(tracker_->map().keyframes().size());
-  if (map_) map_->load(options_.load_map, {loaded_id_, keyframes});
-}
-
 void Run::note_problem(std::string problem) {
   constexpr std::size_t kListed = 10000;  // of a million broken frames
   if (summary_.problems.size() < kListed) {
@@ -202,28 +160,23 @@ void Run::note_problem(std::string problem) {
   }
 }
 
-std::optional<Input> Run::next() {
-  if (segmentation_) {
-    auto segmented = segmentation_->next();
-    if (!segmented) return std::nullopt;
-    return Input{std::move(segmented->frame), std::move(segmented->masks), segmented->network_ms,
-                 segmented->keeper_ms};
-  }
+std::optional<SegmentedFrame> Run::next() {
+  if (segmentation_) return segmentation_->next();
   auto frame = stream_->next();
   if (!frame) return std::nullopt;
-  return Input{std::move(*frame), std::nullopt, 0, 0};
+  return SegmentedFrame{std::move(*frame), {}};
 }
 
 void Run::track(const std::atomic<bool>& stop, const std::function<void(const Progress&)>& progress) {
   while (!stop.load()) {
-    std::optional<Input> input = next();
+    std::optional<SegmentedFrame> input = next();
     if (!input) break;
     ++summary_.frames;
-    if (input->result.frame) {
+    if (input->frame.frame) {
       take(*input);
     } else {
       ++summary_.broken;
-      note_problem(input->result.error);
+      note_problem(input->frame.error);
     }
     if (progress) report(progress);
     unsaved_ms_ += since_saved_.lap_ms();
@@ -231,30 +184,23 @@ void Run::track(const std::atomic<bool>& stop, const std::function<void(const Pr
   }
 }
 
-void Run::take(Input& input) {
-  const RgbdFrame& frame = *input.result.frame;
-  if (masks_) input.prior = masks_->read(frame.stamp, camera_.width, camera_.height);
-  computing_ = true;
-  const TrackResult result = tracker_->track(frame, input.prior);
-  computing_ = false;
-  if (result.state == TrackingState::tracked || result.state == TrackingState::relocalised) {
+void Run::take(SegmentedFrame& input) {
+  const RgbdFrame& frame = *input.frame.frame;
+  std::optional<Masks>& prior = input.segmented.masks;
+  if (masks_) prior = masks_->read(frame.stamp, camera_.width, camera_.height);
+  const TrackResult result = slam_->track(frame, prior);
+  if (result.ok()) {
     ++summary_.tracked;
     if (result.loop) summary_.loops.push_back(*result.loop);
-    poses_.push_back({frame.t, result.reference, result.T_c_reference, result.keyframe});
   } else {
     ++summary_.lost;
     note_problem(fmt::format("{}: {}", frame.stamp, to_string(result.state)));
   }
   if (options_.save_masks) write_image(options_.out / "masks" / (frame.stamp + ".png"), result.dynamic_mask);
-  if (result.keyframe && map_) {
-    computing_ = true;
-    map_->insert(result, frame, input.prior);
-    if (result.loop) map_->follow(tracker_->map());
-    computing_ = false;
-  }
   const double lap = wall_.lap_ms();
   elapsed_ms_ += lap;
-  timings_.rows.push_back({frame.stamp, result.times, input.network_ms, input.keeper_ms, lap});
+  timings_.rows.push_back(
+      {frame.stamp, result.times, input.segmented.network_ms, input.segmented.keeper_ms, lap});
 }
 
 void Run::report(const std::function<void(const Progress&)>& progress) const {
@@ -282,23 +228,12 @@ void Run::judge_broken() {
                   summary_.broken, summary_.frames, options_.max_broken, summary_.problems.front()));
 }
 
-/// Each frame keeps its place beside its keyframe, which may have been adjusted since.
-std::vector<StampedPose<double>> Run::poses(bool keyframes_alone) const {
-  std::vector<StampedPose<double>> result;
-  for (const FramePose& pose : poses_) {
-    if (keyframes_alone && !pose.keyframe) continue;
-    const SE3<double> T_reference = tracker_->map().pose(pose.reference);
-    result.push_back({pose.t, (pose.T_c_reference * T_reference).inverse()});
-  }
-  return result;
-}
-
 /// What a kill leaves. A disk that is full now may have room again in the end. A long trajectory takes long
 /// to write and is written less often: a twentieth of the time is spent here at most.
 void Run::save_progress() {
   Stopwatch watch;
   try {
-    write_trajectory(options_.out / "trajectory.txt", poses(false));
+    write_trajectory(options_.out / "trajectory.txt", slam_->trajectory());
     write_summary();
   } catch (const InputError&) {
   }
@@ -310,37 +245,22 @@ void Run::save(const std::atomic<bool>& stop) {
   const bool stopped = stop.load();
   attempt([&] { count_missing_masks(); });
   attempt([&] { judge_broken(); });
-  attempt([&] {
-    const bool whole = !std::exchange(computing_, true);
-    tracker_->finish();
-    if (map_) map_->follow(tracker_->map());
-    if (map_) map_->finish();
-    computing_ = !whole;
-  });
+  attempt([&] { slam_->finish(); });
   if (unlisted_ > 0) summary_.problems.push_back(fmt::format("and {} more problems", unlisted_));
   if (reserve_) reserve_->release();
-  summary_.trajectory = poses(false);
+  summary_.trajectory = slam_->trajectory();
   write_files();
-  if (map_ && !computing_) attempt([&] { map_->save(options_.out); });
-  attempt([&] { save_map(); });
+  if (options_.map && slam_->whole()) attempt([&] { slam_->save_octree(options_.out); });
+  if (!options_.save_map.empty()) attempt([&] { slam_->save(options_.save_map); });
   elapsed_ms_ += wall_.lap_ms();
   summary_.interrupted = stopped;
   summary_.stages = timings_.statistics();
   attempt([&] { write_summary(); });
 }
 
-/// Never makes a saved map poorer: of a run whose parts are damaged nothing takes the place of what is there.
-void Run::save_map() {
-  if (options_.save_map.empty() || tracker_->map().keyframes().empty()) return;
-  if (computing_ && fs::exists(options_.save_map / "keyframes.bin"))
-    throw InputError(options_.save_map.string(), 0, "stays as it was, because the run failed");
-  save_slam_map(tracker_->map(), camera_, map_ && !computing_ ? &map_->mapper() : nullptr, options_.save_map,
-                {options_.load_map, loaded_id_});
-}
-
 void Run::write_files() {
   attempt([&] { write_trajectory(options_.out / "trajectory.txt", summary_.trajectory); });
-  attempt([&] { write_trajectory(options_.out / "keyframes.txt", poses(true)); });
+  attempt([&] { write_trajectory(options_.out / "keyframes.txt", slam_->keyframe_trajectory()); });
   attempt([&] { timings_.write(options_.out / "timings.csv"); });
   attempt([&] { write_summary(); });
 }

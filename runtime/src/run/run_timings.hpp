@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "dynslam/runtime/slam/pipeline.hpp"
+#include "dynslam/runtime/run/run_sequence.hpp"
 
 namespace dynslam::runtime {
 

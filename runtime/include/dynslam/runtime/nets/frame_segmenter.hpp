@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/nets/mask_keeper.hpp"
+#include "dynslam/runtime/nets/onnx_segmenter.hpp"
+
+namespace dynslam::runtime {
+
+class MaskCache;
+
+struct FrameSegmenterOptions {
+  SegmenterOptions segmenter;
+  MaskKeeperOptions keeper;
+  int every = 1;                ///< the network sees every so many frames; between them masks are carried
+  bool keep = true;             ///< refine by depth and carry what the network misses
+  std::filesystem::path cache;  ///< folder that keeps the network's masks between runs; empty: none
+};
+
+/// The masks of a frame, and what they cost.
+struct FrameMasks {
+  std::optional<Masks> masks;
+  double network_ms = 0, keeper_ms = 0;
+};
+
+/// The masks of one frame after the other: a network's, refined and carried.
+class FrameSegmenter {
+ public:
+  /// @throws what OnnxSegmenter throws; UsageError; InputError: the cache cannot be used
+  explicit FrameSegmenter(const FrameSegmenterOptions& options);
+  ~FrameSegmenter();
+
+  /// @param index  of the frame in the sequence: which frames the network sees
+  /// @throws what the network meets
+  [[nodiscard]] FrameMasks segment(const RgbdFrame& frame, std::size_t index);
+  /// Forgets the frames before, as at the start of another sequence.
+  void reset();
+
+  [[nodiscard]] const OnnxSegmenter& segmenter() const { return segmenter_; }
+
+ private:
+  FrameSegmenterOptions options_;
+  OnnxSegmenter segmenter_;
+  MaskKeeper keeper_;
+  std::unique_ptr<MaskCache> cache_;
+};
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "dynslam/eval/trajectory.hpp"
+#include "dynslam/interop/octomap_semantic_tree.hpp"
+#include "dynslam/runtime/io/camera.hpp"
+#include "dynslam/runtime/io/mask_reader.hpp"
+#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/nets/frame_segmenter.hpp"
+#include "dynslam/runtime/slam/tracker.hpp"
+
+namespace dynslam::runtime {
+
+struct SlamOptions {
+  DynamicsMode dynamics = DynamicsMode::geometric;
+  /// A network whose masks are taken where none are given, on the calling thread; needs `semantic` or `both`.
+  std::optional<FrameSegmenterOptions> network;
+  bool map = true;               ///< build the octree
+  double map_resolution = 0.05;  ///< edge of a voxel [m]
+  std::size_t map_memory = std::size_t(2)
+                           << 30;  ///< bytes that the octree may take; a keyframe too many throws
+  std::uint64_t seed = 1;          ///< of every random choice
+  TrackerOptions tracker;          ///< its `dynamics` and seeds are set from those above
+};
+
+/// RGB-D SLAM from frames in memory:
+///
+///     Slam slam(load_camera("fr3"));
+///     const TrackResult result = slam.track(bgr, depth, t);
+///     if (result.ok()) publish(result.T_w_c, result.dynamic_mask);
+///     ...
+///     slam.finish();
+///     slam.trajectory();   // of all frames, after loops and adjustments
+///
+/// Same frames, same results, to the last bit: those of `dynslam run`, which uses it. Objects do not know of
+/// each other; one object is used by one thread at a time. It has threads of its own for adjustment and map.
+class Slam {
+ public:
+  /// @throws UsageError for options that contradict each other; what the network's file makes it throw
+  explicit Slam(const CameraConfig& camera, const SlamOptions& options = {});
+  ~Slam();
+  Slam(const Slam&) = delete;
+  Slam& operator=(const Slam&) = delete;
+
+  /// Tracks the next frame. The images may be of any row stride and are the caller's again afterwards.
+  /// @param image  CV_8UC3 (BGR), CV_8UC4 (BGRA) or CV_8UC1 (grey), of the camera's size
+  /// @param depth  registered to the image: CV_16UC1 in the camera's units, 0 = none, or CV_32FC1 in metres,
+  ///               NaN or <= 0 = none
+  /// @param t      time of the image [s], later than the one before
+  /// @param prior  a-priori masks; nullopt: the network's, where there is one
+  /// @param depth_delay  time of the depth image less that of the image [s]
+  /// @throws InputError with what it got and what was expected, with nothing changed
+  TrackResult track(const cv::Mat& image, const cv::Mat& depth, double t,
+                    const std::optional<Masks>& prior = std::nullopt, double depth_delay = 0);
+  /// The same for a frame that was prepared elsewhere. Its images are kept and must not change afterwards.
+  TrackResult track(const RgbdFrame& frame, const std::optional<Masks>& prior = std::nullopt);
+
+  /// Waits for what is computed beside the frames, and uses it. Call it before results are read; more frames
+  /// may follow. @throws what went wrong there
+  void finish();
+
+  /// Poses T_w_c of all frames that were tracked, each beside its keyframe as the map has that by now.
+  [[nodiscard]] std::vector<StampedPose<double>> trajectory() const;
+  /// The same of the frames that became keyframes.
+  [[nodiscard]] std::vector<StampedPose<double>> keyframe_trajectory() const;
+  /// Keyframes and points.
+  [[nodiscard]] const LocalMap& map() const;
+  /// The semantic octree; null without `SlamOptions::map`. Valid after finish(), until the next frame.
+  [[nodiscard]] const interop::SemanticOcTree* octree() const;
+
+  /// Saves the map for load(); see save_slam_map(). A saved map is never made poorer: without an octree, the
+  /// scans and the octree of the map that was loaded are taken over. @throws InputError: the folder cannot be
+  /// written, or it holds a map and whole() does not hold
+  void save(const std::filesystem::path& folder);
+  /// Goes on in a map that was saved: the camera is lost until it finds itself there. Call it before the first
+  /// frame. @throws InputError naming the file
+  void load(const std::filesystem::path& folder);
+  /// Writes the octree as map.ot, and as map_color.ot for octovis. @throws InputError
+  void save_octree(const std::filesystem::path& folder);
+  /// Forgets all frames and maps.
+  void reset();
+
+  /// False after a call that threw midway (memory, the octree's limit): the map may be in pieces.
+  [[nodiscard]] bool whole() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "io/frame_of_images.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdint>
+#include <opencv2/core/check.hpp>
+#include <opencv2/imgproc.hpp>
+#include <string>
+
+#include "dynslam/image/depth.hpp"
+#include "dynslam/interop/opencv.hpp"
+#include "dynslam/runtime/error.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+void check_size(const cv::Mat& image, const char* name, const std::string& frame, const CameraConfig& camera) {
+  if (image.dims <= 2 && image.cols == camera.width && image.rows == camera.height) return;
+  throw InputError(frame, 0,
+                   image.empty() ? fmt::format("the {} is empty", name)
+                                 : fmt::format("the {} is {}x{}, the camera's images are {}x{}", name,
+                                               image.cols, image.rows, camera.width, camera.height));
+}
+
+}  // namespace
+
+cv::Mat depth_in_metres(const cv::Mat& depth, const CameraConfig& camera) {
+  cv::Mat metres(depth.size(), CV_32FC1);
+  depth_to_metres<float>(interop::view<const std::uint16_t>(depth),
+                         static_cast<float>(camera.depth_units_per_metre), interop::view<float>(metres));
+  return metres;
+}
+
+RgbdFrame frame_of_images(const cv::Mat& image, const cv::Mat& depth, double t, const CameraConfig& camera) {
+  const std::string name = fmt::format("frame at {} s", t);
+  check_size(image, "image", name, camera);
+  check_size(depth, "depth image", name, camera);
+  RgbdFrame frame;
+  frame.t = t;
+  frame.stamp = std::isfinite(t) ? fmt::format("{:.6f}", t) : std::string();
+  switch (image.type()) {
+    case CV_8UC3:
+      frame.bgr = image.clone();
+      break;
+    case CV_8UC4:
+      cv::cvtColor(image, frame.bgr, cv::COLOR_BGRA2BGR);
+      break;
+    case CV_8UC1:
+      cv::cvtColor(image, frame.bgr, cv::COLOR_GRAY2BGR);
+      break;
+    default:
+      throw InputError(name, 0,
+                       fmt::format("the image is {}, not CV_8UC3, CV_8UC4 or CV_8UC1",
+                                   cv::typeToString(image.type())));
+  }
+  if (image.type() == CV_8UC1) {
+    frame.gray = image.clone();
+  } else {
+    cv::cvtColor(frame.bgr, frame.gray, cv::COLOR_BGR2GRAY);
+  }
+  if (depth.type() == CV_16UC1) {
+    frame.depth = depth_in_metres(depth, camera);
+  } else if (depth.type() == CV_32FC1) {
+    frame.depth = depth.clone();
+  } else {
+    throw InputError(name, 0,
+                     fmt::format("the depth image is {}, not CV_16UC1 (units of the camera) or CV_32FC1 (metres)",
+                                 cv::typeToString(depth.type())));
+  }
+  return frame;
+}
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "io/make_folder.hpp"
+
+#include <algorithm>
+#include <system_error>
+
+#include "dynslam/runtime/error.hpp"
+
+namespace dynslam::runtime {
+
+namespace fs = std::filesystem;
+
+void make_folder(const fs::path& path) {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (error || !fs::is_directory(path))
+    throw InputError(path.string(), 0, "cannot be made a folder: " + error.message());
+}
+
+bool lies_in(const fs::path& inner, const fs::path& outer) {
+  const auto clean = [](const fs::path& path) {
+    const fs::path full = fs::weakly_canonical(fs::absolute(path));
+    return full.has_filename() ? full : full.parent_path();
+  };
+  const fs::path a = clean(inner), b = clean(outer);
+  return std::mismatch(a.begin(), a.end(), b.begin(), b.end()).second == b.end();
+}
+
+}  // namespace dynslam::runtime

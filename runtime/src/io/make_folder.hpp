@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+
+namespace dynslam::runtime {
+
+/// Makes a folder and those above it where they are missing. @throws InputError naming it
+void make_folder(const std::filesystem::path& path);
+
+/// Whether a folder is another one or in it; of two folders that need not exist, links followed.
+[[nodiscard]] bool lies_in(const std::filesystem::path& inner, const std::filesystem::path& outer);
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/nets/frame_segmenter.hpp"
+
+#include <utility>
+
+#include "dynslam/runtime/stopwatch.hpp"
+#include "io/argument_check.hpp"
+#include "nets/mask_cache.hpp"
+
+namespace dynslam::runtime {
+
+FrameSegmenter::FrameSegmenter(const FrameSegmenterOptions& options)
+    : options_(options), segmenter_(options.segmenter), keeper_(options.keeper) {
+  check_argument(options_.every >= 1, "FrameSegmenter: `every` must be 1 or more");
+  if (!options_.cache.empty())
+    cache_ = std::make_unique<MaskCache>(options_.cache, segmenter_, options_.segmenter);
+}
+
+FrameSegmenter::~FrameSegmenter() = default;
+
+FrameMasks FrameSegmenter::segment(const RgbdFrame& frame, std::size_t index) {
+  FrameMasks out;
+  Stopwatch watch;
+  if (index % static_cast<std::size_t>(options_.every) == 0)
+    out.masks = cache_ ? cache_->masks_of(frame.bgr, segmenter_) : segmenter_.segment(frame.bgr);
+  out.network_ms = watch.lap_ms();
+  if (options_.keep) {
+    out.masks = keeper_.update(out.masks, frame.gray, frame.depth);
+    out.keeper_ms = watch.lap_ms();
+  }
+  return out;
+}
+
+void FrameSegmenter::reset() {
+  keeper_ = MaskKeeper(options_.keeper);
+}
+
+}  // namespace dynslam::runtime

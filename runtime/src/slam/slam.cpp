@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/slam.hpp"
+
+#include <utility>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/saved_map.hpp"
+#include "io/argument_check.hpp"
+#include "io/frame_of_images.hpp"
+#include "io/input_check.hpp"
+#include "slam/run_map.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+TrackerOptions tracker_options(const SlamOptions& options) {
+  TrackerOptions result = options.tracker;
+  result.dynamics = options.dynamics;
+  result.seed = result.geometry.weights.seed = options.seed;
+  return result;
+}
+
+}  // namespace
+
+struct Slam::State {
+  State(const CameraConfig& c, const SlamOptions& o)
+      : camera(c), options(o), tracker(std::make_unique<Tracker>(c, tracker_options(o))) {
+    if (o.map) octree = std::make_unique<RunMap>(c, o.map_resolution, o.map_memory);
+  }
+
+  struct FramePose {  // of a tracked frame, relative to its keyframe
+    double t;
+    int reference;
+    SE3<double> T_c_reference;
+    bool keyframe;
+  };
+
+  /// Runs what leaves the map in pieces where it throws.
+  template <class Step>
+  void step(Step&& work) {
+    const bool before = std::exchange(whole, false);
+    work();
+    whole = before;
+  }
+  [[nodiscard]] std::vector<StampedPose<double>> poses(bool keyframes_alone) const {
+    std::vector<StampedPose<double>> result;
+    for (const FramePose& frame : frames) {
+      if (keyframes_alone && !frame.keyframe) continue;
+      const SE3<double> T_reference = tracker->map().pose(frame.reference);
+      result.push_back({frame.t, (frame.T_c_reference * T_reference).inverse()});
+    }
+    return result;
+  }
+
+  CameraConfig camera;
+  SlamOptions options;
+  std::unique_ptr<Tracker> tracker;
+  std::unique_ptr<RunMap> octree;
+  std::unique_ptr<FrameSegmenter> network;
+  std::vector<FramePose> frames;
+  std::size_t seen = 0;  // frames
+  std::optional<double> last_t;
+  SavedScans loaded;
+  bool whole = true;
+};
+
+Slam::Slam(const CameraConfig& camera, const SlamOptions& options)
+    : state_(std::make_unique<State>(camera, options)) {
+  if (!options.network) return;
+  if (!uses_semantic(options.dynamics))
+    throw UsageError("SlamOptions: a network needs the mode `semantic` or `both`");
+  state_->network = std::make_unique<FrameSegmenter>(*options.network);
+}
+
+Slam::~Slam() = default;
+
+TrackResult Slam::track(const cv::Mat& image, const cv::Mat& depth, double t,
+                        const std::optional<Masks>& prior, double depth_delay) {
+  RgbdFrame frame = frame_of_images(image, depth, t, state_->camera);
+  frame.depth_delay = depth_delay;
+  check_input(frame, prior, state_->camera, state_->last_t);
+  if (prior || !state_->network) return track(frame, prior);
+  const FrameMasks segmented = state_->network->segment(frame, state_->seen);
+  return track(frame, segmented.masks);
+}
+
+TrackResult Slam::track(const RgbdFrame& frame, const std::optional<Masks>& prior) {
+  State& s = *state_;
+  check_input(frame, prior, s.camera, s.last_t);
+  s.last_t = frame.t;
+  ++s.seen;
+  TrackResult result;
+  s.step([&] {
+    result = s.tracker->track(frame, prior);
+    if (result.ok()) s.frames.push_back({frame.t, result.reference, result.T_c_reference, result.keyframe});
+    if (!result.keyframe || !s.octree) return;
+    s.octree->insert(result, frame, prior);
+    if (result.loop) s.octree->follow(s.tracker->map());
+  });
+  return result;
+}
+
+void Slam::finish() {
+  state_->step([this] {
+    state_->tracker->finish();
+    if (!state_->octree) return;
+    state_->octree->follow(state_->tracker->map());
+    state_->octree->finish();
+  });
+}
+
+std::vector<StampedPose<double>> Slam::trajectory() const {
+  return state_->poses(false);
+}
+
+std::vector<StampedPose<double>> Slam::keyframe_trajectory() const {
+  return state_->poses(true);
+}
+
+const LocalMap& Slam::map() const {
+  return state_->tracker->map();
+}
+
+const interop::SemanticOcTree* Slam::octree() const {
+  return state_->octree ? &state_->octree->mapper().tree() : nullptr;
+}
+
+/// Never makes a saved map poorer: of a map in pieces nothing takes the place of what is there.
+void Slam::save(const std::filesystem::path& folder) {
+  State& s = *state_;
+  if (s.tracker->map().keyframes().empty()) return;
+  if (s.whole) finish();
+  if (!s.whole && std::filesystem::exists(folder / "keyframes.bin"))
+    throw InputError(folder.string(), 0, "stays as it was, because the run failed");
+  save_slam_map(s.tracker->map(), s.camera, s.octree && s.whole ? &s.octree->mapper() : nullptr, folder,
+                s.loaded);
+}
+
+void Slam::load(const std::filesystem::path& folder) {
+  State& s = *state_;
+  s.loaded.folder = folder;
+  s.tracker->load(load_slam_map(folder, s.camera, &s.loaded.map_id));
+  const int keyframes = static_cast<int>(s.tracker->map().keyframes().size());
+  if (s.octree) s.octree->load(folder, {s.loaded.map_id, keyframes});
+}
+
+void Slam::save_octree(const std::filesystem::path& folder) {
+  check_argument(state_->octree != nullptr, "Slam::save_octree(): no octree is built");
+  if (state_->whole) finish();
+  check_argument(state_->whole, "Slam::save_octree(): the octree is in pieces after an error");
+  state_->octree->save(folder);
+}
+
+void Slam::reset() {
+  auto network = std::move(state_->network);
+  state_ = std::make_unique<State>(state_->camera, state_->options);
+  state_->network = std::move(network);
+  if (state_->network) state_->network->reset();
+}
+
+bool Slam::whole() const {
+  return state_->whole;
+}
+
+}  // namespace dynslam::runtime
