@@ -8,8 +8,8 @@ function(dynslam_warnings target)
     $<$<BOOL:${DYNSLAM_WERROR}>:-Werror>)
 endfunction()
 
-# Common settings of tests, benchmarks and examples.
-function(dynslam_test_settings target)
+# Settings of tests that compile more than they compute: those of the core, all templates.
+function(dynslam_template_test_settings target)
   dynslam_warnings(${target})
   if(DYNSLAM_TEST_OPTIMIZATION)
     target_compile_options(${target} PRIVATE ${DYNSLAM_TEST_OPTIMIZATION})
@@ -18,7 +18,7 @@ endfunction()
 
 # Settings of benchmarks and examples.
 function(dynslam_bench_settings target)
-  dynslam_test_settings(${target})
+  dynslam_warnings(${target})
   separate_arguments(flags NATIVE_COMMAND "${DYNSLAM_BENCH_FLAGS}")
   target_compile_options(${target} PRIVATE ${flags})
 endfunction()

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// Example 8: the whole system in a loop over images in memory. Usage: example_08_frames_in_memory SEQUENCE OUT
-// The results are those of `dynslam run SEQUENCE --out OUT --dynamics geometric`, byte for byte.
+// Example 8: the whole system in a loop over images in memory. Usage: example_08_frames_in_memory SEQUENCE
+// OUT The results are those of `dynslam run SEQUENCE --out OUT --dynamics geometric`, byte for byte.
 #include <cstdio>
 #include <dynslam/runtime/io/trajectory_io.hpp>
 #include <dynslam/runtime/slam.hpp>
@@ -12,7 +12,8 @@ int main(int argc, char** argv) try {
   const auto sequence = dynslam::runtime::load_sequence(argv[1]);  // or a camera of yours
   dynslam::runtime::Slam slam(dynslam::runtime::load_camera(sequence.camera_hint));
   for (const auto& f : sequence.frames) {
-    const cv::Mat bgr = cv::imread(f.rgb.string()), depth = cv::imread(f.depth.string(), cv::IMREAD_UNCHANGED);
+    const cv::Mat bgr = cv::imread(f.rgb.string()),
+                  depth = cv::imread(f.depth.string(), cv::IMREAD_UNCHANGED);
     const auto result = slam.track(bgr, depth, f.t_rgb, std::nullopt, f.t_depth - f.t_rgb);
     if (!result.ok()) std::printf("lost at %.3f s\n", f.t_rgb);
   }

@@ -80,9 +80,8 @@ double error(const SE3<S>& T) {
 
 }  // namespace
 
-#define CAMERAS                                                                             \
-  Pinhole<float>, Pinhole<double>, PinholeBrownConrady<float>, PinholeBrownConrady<double>, \
-      KannalaBrandt<float>, KannalaBrandt<double>, test::Panorama<float>, test::Panorama<double>
+// Each lens once, the scalars in turn. Every one with both is what tests/conformance runs.
+#define CAMERAS Pinhole<float>, PinholeBrownConrady<double>, KannalaBrandt<float>, test::Panorama<double>
 
 TEST_CASE_TEMPLATE("the pose is found with any camera", Camera, CAMERAS) {
   using S = typename Camera::ScalarType;

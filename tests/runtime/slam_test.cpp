@@ -30,8 +30,8 @@ namespace {
 constexpr int kFrames = 24;
 
 struct RawFrame {
-  cv::Mat bgr, depth;  // CV_8UC3, CV_16UC1
-  cv::Mat metres;      // CV_32FC1, as the reader of sequences makes them
+  cv::Mat bgr, depth;             // CV_8UC3, CV_16UC1
+  cv::Mat metres;                 // CV_32FC1, as the reader of sequences makes them
   double t = 0, depth_delay = 0;  // [s]
   std::string stamp;
 };
@@ -88,9 +88,8 @@ TEST_CASE("frames in memory give what a run over their files gives, map and mask
   Slam slam(walk().camera, options);
   MaskSource masks(walk().folder.path / "label");
   for (const RawFrame& f : walk().frames) {
-    const TrackResult result =
-        slam.track(f.bgr, f.depth, f.t, masks.read(f.stamp, walk().camera.width, walk().camera.height),
-                   f.depth_delay);
+    const TrackResult result = slam.track(
+        f.bgr, f.depth, f.t, masks.read(f.stamp, walk().camera.width, walk().camera.height), f.depth_delay);
     REQUIRE(result.ok());
     const cv::Mat saved =
         cv::imread((out.path / "run" / "masks" / (f.stamp + ".png")).string(), cv::IMREAD_UNCHANGED);
@@ -125,8 +124,10 @@ TEST_CASE("images of any stride and of each type that is allowed give the same; 
       *m = wide(cv::Rect(7, 3, m->cols, m->rows));
     }
   });
-  same("BGRA", [](const RawFrame&, cv::Mat& image, cv::Mat&) { cv::cvtColor(image, image, cv::COLOR_BGR2BGRA); });
-  same("grey", [](const RawFrame&, cv::Mat& image, cv::Mat&) { cv::cvtColor(image, image, cv::COLOR_BGR2GRAY); });
+  same("BGRA",
+       [](const RawFrame&, cv::Mat& image, cv::Mat&) { cv::cvtColor(image, image, cv::COLOR_BGR2BGRA); });
+  same("grey",
+       [](const RawFrame&, cv::Mat& image, cv::Mat&) { cv::cvtColor(image, image, cv::COLOR_BGR2GRAY); });
   same("metres", [](const RawFrame& f, cv::Mat&, cv::Mat& depth) { depth = f.metres.clone(); });
 }
 
@@ -162,9 +163,7 @@ TEST_CASE("a map that was saved is gone on in; what threw midway is never saved 
   SlamOptions small;
   small.map_memory = 1000;  // bytes: the first keyframe is too many
   Slam third(walk().camera, small);
-  const auto fill = [&] {
-    (void)trajectory_of(third);
-  };
+  const auto fill = [&] { (void)trajectory_of(third); };
   CHECK_THROWS(fill());
   CHECK_FALSE(third.whole());
   CHECK_THROWS_WITH_AS(third.save(map), doctest::Contains("stays as it was"), InputError);
@@ -214,10 +213,13 @@ TEST_CASE("wrong input is refused with what it is and what was expected, and cha
   for (const int type : {CV_8SC3, CV_16UC1, CV_16UC3, CV_32FC1, CV_32FC3, CV_64FC3, CV_8UC2})
     wrong.push_back({zeros(type), f.depth, 1, 0, {}, "not CV_8UC3, CV_8UC4 or CV_8UC1"});
   for (const int type : {CV_8UC1, CV_8UC3, CV_16SC1, CV_16UC3, CV_32SC1, CV_64FC1, CV_32FC3, CV_16FC1})
-    wrong.push_back({f.bgr, zeros(type), 1, 0, {}, "not CV_16UC1 (units of the camera) or CV_32FC1 (metres)"});
+    wrong.push_back(
+        {f.bgr, zeros(type), 1, 0, {}, "not CV_16UC1 (units of the camera) or CV_32FC1 (metres)"});
   for (const auto& size : {cv::Size(320, 240), cv::Size(641, 480), cv::Size(640, 479), cv::Size(480, 640)}) {
-    wrong.push_back({zeros(CV_8UC3, size.width, size.height), f.depth, 1, 0, {}, "the camera's images are 640x480"});
-    wrong.push_back({f.bgr, zeros(CV_16UC1, size.width, size.height), 1, 0, {}, "the camera's images are 640x480"});
+    wrong.push_back(
+        {zeros(CV_8UC3, size.width, size.height), f.depth, 1, 0, {}, "the camera's images are 640x480"});
+    wrong.push_back(
+        {f.bgr, zeros(CV_16UC1, size.width, size.height), 1, 0, {}, "the camera's images are 640x480"});
   }
   const std::array<int, 3> cube{4, 480, 640};
   wrong.push_back({cv::Mat(3, cube.data(), CV_8UC3), f.depth, 1, 0, {}, "the camera's images are 640x480"});

@@ -36,12 +36,10 @@ template <class Camera>
 
 }  // namespace dynslam::test
 
-/// For TEST_CASE_TEMPLATE.
+/// For TEST_CASE_TEMPLATE: each lens once, the scalars in turn. Every one with both is what tests/conformance
+/// runs.
 #define DYNSLAM_FEATURE_CAMERAS                                                     \
   dynslam::Pinhole<float>, dynslam::Pinhole<double>, dynslam::KannalaBrandt<float>, \
-      dynslam::KannalaBrandt<double>, dynslam::test::EquidistantCamera<float>,      \
       dynslam::test::EquidistantCamera<double>
 /// Without the pinhole, where that is tested already.
-#define DYNSLAM_FISHEYES                                                                                  \
-  dynslam::KannalaBrandt<float>, dynslam::KannalaBrandt<double>, dynslam::test::EquidistantCamera<float>, \
-      dynslam::test::EquidistantCamera<double>
+#define DYNSLAM_FISHEYES dynslam::KannalaBrandt<float>, dynslam::test::EquidistantCamera<double>

@@ -79,7 +79,8 @@ class PoseConsensusSearch {
 
   /// Makes a pose the best one if it is. @return whether it is
   bool judge(const SE3<S>& T) {
-    const S prior = prior_weight_ > S(0) ? prior_weight_ * std::min(options_.truncation, prior_chi2(T)) : S(0);
+    const S prior =
+        prior_weight_ > S(0) ? prior_weight_ * std::min(options_.truncation, prior_chi2(T)) : S(0);
     const auto sum = truncated_cost<S>(
         camera_, T, observations_, options_.truncation, [this](std::size_t k) { return weight(k); }, prior,
         best_.cost);

@@ -20,8 +20,8 @@ struct TruncatedCost {
   int inliers = 0;  ///< observations below the truncation
 };
 
-/// The cost by which consensus compares poses: an outlier costs the same however far it is off (MSAC, Torr and
-/// Zisserman 2000).
+/// The cost by which consensus compares poses: an outlier costs the same however far it is off (MSAC, Torr
+/// and Zisserman 2000).
 /// @param truncation  squared normalised error beyond which an observation counts as an outlier
 /// @param weight      of an observation by its index, >= 0
 /// @param start       cost before the first observation

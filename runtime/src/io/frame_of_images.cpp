@@ -16,7 +16,8 @@
 namespace dynslam::runtime {
 namespace {
 
-void check_size(const cv::Mat& image, const char* name, const std::string& frame, const CameraConfig& camera) {
+void check_size(const cv::Mat& image, const char* name, const std::string& frame,
+                const CameraConfig& camera) {
   if (image.dims <= 2 && image.cols == camera.width && image.rows == camera.height) return;
   throw InputError(frame, 0,
                    image.empty() ? fmt::format("the {} is empty", name)
@@ -51,9 +52,9 @@ RgbdFrame frame_of_images(const cv::Mat& image, const cv::Mat& depth, double t, 
       cv::cvtColor(image, frame.bgr, cv::COLOR_GRAY2BGR);
       break;
     default:
-      throw InputError(name, 0,
-                       fmt::format("the image is {}, not CV_8UC3, CV_8UC4 or CV_8UC1",
-                                   cv::typeToString(image.type())));
+      throw InputError(
+          name, 0,
+          fmt::format("the image is {}, not CV_8UC3, CV_8UC4 or CV_8UC1", cv::typeToString(image.type())));
   }
   if (image.type() == CV_8UC1) {
     frame.gray = image.clone();
@@ -65,9 +66,10 @@ RgbdFrame frame_of_images(const cv::Mat& image, const cv::Mat& depth, double t, 
   } else if (depth.type() == CV_32FC1) {
     frame.depth = depth.clone();
   } else {
-    throw InputError(name, 0,
-                     fmt::format("the depth image is {}, not CV_16UC1 (units of the camera) or CV_32FC1 (metres)",
-                                 cv::typeToString(depth.type())));
+    throw InputError(
+        name, 0,
+        fmt::format("the depth image is {}, not CV_16UC1 (units of the camera) or CV_32FC1 (metres)",
+                    cv::typeToString(depth.type())));
   }
   return frame;
 }

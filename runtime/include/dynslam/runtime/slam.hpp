@@ -80,8 +80,8 @@ class Slam {
   /// scans and the octree of the map that was loaded are taken over. @throws InputError: the folder cannot be
   /// written, or it holds a map and whole() does not hold
   void save(const std::filesystem::path& folder);
-  /// Goes on in a map that was saved: the camera is lost until it finds itself there. Call it before the first
-  /// frame. @throws InputError naming the file
+  /// Goes on in a map that was saved: the camera is lost until it finds itself there. Call it before the
+  /// first frame. @throws InputError naming the file
   void load(const std::filesystem::path& folder);
   /// Writes the octree as map.ot, and as map_color.ot for octovis. @throws InputError
   void save_octree(const std::filesystem::path& folder);
