@@ -16,6 +16,7 @@
 #include "exit_codes.hpp"
 #include "map_command.hpp"
 #include "run_command.hpp"
+#include "suggestion.hpp"
 #include "synth_command.hpp"
 
 namespace {
@@ -53,7 +54,12 @@ int run(int argc, char** argv) {
       return kInputFailure;
     }
     const bool no_command = app.get_subcommands().empty() && argc > 1 && argv[1][0] != '-';
-    const std::string reason = no_command ? fmt::format("unknown command '{}'", argv[1]) : error.what();
+    std::string reason = no_command ? fmt::format("unknown command '{}'", argv[1]) : error.what();
+    if (no_command) {
+      reason += suggestion(app, {argv[1]});
+    } else if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError)) {
+      reason += suggestion(app, {argv + 1, argv + argc});
+    }
     std::cerr << "dynslam: error: " << reason << " (see dynslam --help)\n";
     return kUsageFailure;
   } catch (const dynslam::runtime::UsageError& error) {

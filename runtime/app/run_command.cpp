@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <iostream>
 #include <string>
+#include <string_view>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluation/ablate.hpp"
@@ -92,6 +93,8 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
       ->default_str("full")
       ->check(CLI::IsMember({"paper", "full"}));
   app.add_option("--map", o.map, "Build and save map.ot")->capture_default_str();
+  app.add_flag_callback(
+      "--no-map", [&o] { o.map = false; }, "As --map false");
   app.add_option("--map-resolution", o.map_resolution, "Edge of a voxel [m], 0.005 to 1")
       ->capture_default_str()
       ->check(number_in(0.005, 1.0));
@@ -101,6 +104,8 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
       ->default_str("2048")
       ->check(number_in(1, 1000000));
   app.add_option("--loops", o.tracker.close_loops, "Close loops")->capture_default_str();
+  app.add_flag_callback(
+      "--no-loops", [&o] { o.tracker.close_loops = false; }, "As --loops false");
   app.add_option("--load-map", o.load_map, "Go on in the map that an earlier run saved in this folder");
   app.add_option("--save-map", o.save_map, "Save the map in this folder, for --load-map");
   app.add_option("--save-every", o.save_every,
@@ -130,15 +135,22 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
       ->check(positive());
 }
 
-void add_run_options(CLI::App& app, rt::RunOptions& o) {
+void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_out) {
   app.add_option("sequence", o.sequence, "Folder in TUM RGB-D layout")->required();
-  app.add_option("--out,-o", o.out, "Folder for the results")->required();
+  app.add_option("--out,-o", o.out, fmt::format("Folder for the results (default: {})", default_out));
   app.add_option("--camera", o.camera, "fr1, fr2, fr3 or a camera file (default: from the sequence)");
   app.add_option(
       "--masks", o.masks,
       "Folder of a-priori masks, <time stamp>.png: 0/255 masks, labels (8 bit) or instances (16 bit)");
   add_segmentation_options(app, o.segmentation);
   add_slam_options(app, o);
+}
+
+/// results/NAME of a sequence's folder.
+std::filesystem::path default_folder(const std::filesystem::path& sequence) {
+  std::filesystem::path full = std::filesystem::weakly_canonical(std::filesystem::absolute(sequence));
+  if (!full.has_filename()) full = full.parent_path();
+  return std::filesystem::path("results") / full.filename();
 }
 
 /// One line on stderr for all frames without a pose; summary.json lists every one.
@@ -211,15 +223,18 @@ int ablate_sequence(const rt::RunOptions& options) {
 struct RunCommand::Options {
   CLI::App* command = nullptr;
   rt::RunOptions run;
-  std::string dynamics = "both";
+  std::string dynamics;  // empty: by what there is
 };
 
 RunCommand::RunCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   Options& o = *o_;
   o.command = app.add_subcommand("run", "Track a sequence: trajectory, masks, map, timings");
-  add_run_options(*o.command, o.run);
-  o.command->add_option("--dynamics", o.dynamics, "Masks to use: none, semantic, geometric, both")
-      ->capture_default_str()
+  add_run_options(*o.command, o.run, "results/NAME");
+  o.command
+      ->add_option(
+          "--dynamics", o.dynamics,
+          "Masks to use: none, semantic, geometric, both (default: both with --model or --masks, else "
+          "geometric)")
       ->check(CLI::IsMember({"none", "semantic", "geometric", "both"}));
   o.command->add_flag("--save-masks", o.run.save_masks, "Write the dynamic masks (255 = dynamic)");
 }
@@ -232,7 +247,15 @@ bool RunCommand::chosen() const {
 
 int RunCommand::run() const {
   rt::RunOptions options = o_->run;
-  options.dynamics = *rt::parse_dynamics(o_->dynamics);
+  if (options.out.empty()) options.out = default_folder(options.sequence);
+  if (!o_->dynamics.empty()) {
+    options.dynamics = *rt::parse_dynamics(o_->dynamics);
+  } else if (options.masks.empty() && options.segmentation.segmenter.model.empty()) {
+    options.dynamics = rt::DynamicsMode::geometric;
+    std::cout
+        << "no --model and no --masks: what moves is found by its geometry alone (--dynamics geometric)\n"
+        << std::flush;
+  }
   return run_sequence(options);
 }
 
@@ -243,7 +266,7 @@ struct AblateCommand::Options {
 
 AblateCommand::AblateCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   o_->command = app.add_subcommand("ablate", "Run a sequence in all modes: tables, plots, overlays");
-  add_run_options(*o_->command, o_->run);
+  add_run_options(*o_->command, o_->run, "results/NAME-ablation");
 }
 
 AblateCommand::~AblateCommand() = default;
@@ -253,7 +276,12 @@ bool AblateCommand::chosen() const {
 }
 
 int AblateCommand::run() const {
-  return ablate_sequence(o_->run);
+  rt::RunOptions options = o_->run;
+  if (options.out.empty()) {
+    options.out = default_folder(options.sequence);
+    options.out += "-ablation";
+  }
+  return ablate_sequence(options);
 }
 
 }  // namespace dynslam::app

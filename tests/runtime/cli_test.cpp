@@ -12,6 +12,7 @@
 #include <sstream>
 #include <string>
 
+#include "run_fixture.hpp"
 #include "tum_fixture.hpp"
 
 #ifdef DYNSLAM_PROGRAM
@@ -89,11 +90,26 @@ TEST_CASE("errors are one line on stderr with a non-zero code") {
                        "cannot be aligned");
   check_one_line_error("eval-masks " + path + " " + path + "/absent", 1, "is not a folder");
   check_one_line_error("synth " + path + "/s --scenario party", 2, "unknown scenario 'party'");
-  check_one_line_error("rnu " + path, 2, "unknown command 'rnu'");
+  check_one_line_error("rnu " + path, 2, "unknown command 'rnu', did you mean run?");
+  check_one_line_error("run " + path + " --dynamcis none", 2, "--dynamcis, did you mean --dynamics?");
+  check_one_line_error("run " + path + " --save-mask --max-frames=2", 2, "did you mean --save-masks?");
+  check_one_line_error("qwertz", 2, "unknown command 'qwertz' (see");
   check_one_line_error("run " + path + " --out " + path + "/o --max-frames -1", 2,
                        "--max-frames: '-1' is not a whole number");
   check_one_line_error("run " + path + " --out " + path + "/o --tau nan", 2,
                        "--tau: 'nan' is not a number above 0");
+}
+
+TEST_CASE("a sequence is enough to start: no network means geometry, results have a place") {
+  const dynslam::test::WalkingSequence sequence(4);
+  const dynslam::test::TemporaryFolder folder;
+  const Result r = shell("cd " + folder.path.string() + " && " + DYNSLAM_PROGRAM + " run " +
+                         sequence.path.string() + "/ --no-map --no-loops");
+  CHECK(r.code == 0);
+  CHECK(r.out.find("found by its geometry alone (--dynamics geometric)") != std::string::npos);
+  const auto out = folder.path / "results" / sequence.path.filename();
+  CHECK(std::filesystem::exists(out / "trajectory.txt"));
+  CHECK_FALSE(std::filesystem::exists(out / "map.ot"));
 }
 
 TEST_CASE("a sequence without anything to track ends with an error, and its files are there") {

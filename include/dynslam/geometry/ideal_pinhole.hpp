@@ -28,7 +28,7 @@ template <CameraModel C>
   } else if constexpr (HasPinhole<C>) {
     return camera.pinhole();
   } else {
-    Eigen::Matrix<S, 2, 3> J;
+    Eigen::Matrix<S, 2, 3> J = Eigen::Matrix<S, 2, 3>::Zero();  // g++ does not see that project() fills it
     const auto centre = camera.project(Eigen::Matrix<S, 3, 1>(S(0), S(0), S(1)), &J);
     if (!centre) return Pinhole<S>();  // a camera that does not see straight ahead
     return Pinhole<S>(J(0, 0), J(1, 1), centre->x(), centre->y());
