@@ -1,11 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "evaluate_command.hpp"
 
+#include <fmt/format.h>
+
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/evaluation/mask_faults.hpp"
+#include "progress_line.hpp"
+#include "validators.hpp"
 
 namespace dynslam::app {
 namespace {
@@ -21,7 +28,9 @@ int print(const Report& report, bool json) {
 struct EvaluateCommand::Options {
   CLI::App* trajectory = nullptr;
   CLI::App* masks = nullptr;
+  CLI::App* faults = nullptr;
   std::filesystem::path estimate, groundtruth, predicted, truth;
+  runtime::MaskFaultOptions fault;
   bool json = false;
 };
 
@@ -33,20 +42,42 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
   o.trajectory->add_flag("--json", o.json, "Print JSON");
   o.masks = app.add_subcommand("eval-masks", "IoU, recall and precision of masks");
   o.masks->add_option("predicted", o.predicted, "Folder of PNG masks")->required();
-  o.masks->add_option("truth", o.truth, "Folder of true masks of the same names")->required();
+  o.masks->add_option("truth", o.truth,
+                      "Folder of true masks of the same names; without it: the share of pixels that masks "
+                      "cover, which are false alarms where nothing moves");
   o.masks->add_flag("--json", o.json, "Print JSON");
+  o.faults = app.add_subcommand("mask-faults", "Write wrong masks for a sequence, to see what they cost");
+  o.faults->add_option("sequence", o.fault.sequence, "Folder in TUM RGB-D layout, with ground truth")
+      ->required();
+  o.faults->add_option("out", o.fault.out, "Folder to make, for run --masks")->required();
+  o.faults
+      ->add_option_function<std::string>(
+          "--fault", [&o](const std::string& name) { o.fault.fault = *runtime::parse_mask_fault(name); },
+          fmt::format("{}", fmt::join(runtime::kMaskFaultNames, ", ")))
+      ->required()
+      ->check(CLI::IsMember(
+          std::vector<std::string>(runtime::kMaskFaultNames.begin(), runtime::kMaskFaultNames.end())));
+  o.faults->add_option("--camera", o.fault.camera,
+                       "fr1, fr2, fr3 or a camera file (default: from the sequence)");
+  o.faults->add_option("--seed", o.fault.seed, "Of random blobs")->capture_default_str()->check(whole());
 }
 
 EvaluateCommand::~EvaluateCommand() = default;
 
 bool EvaluateCommand::chosen() const {
-  return o_->trajectory->parsed() || o_->masks->parsed();
+  return o_->trajectory->parsed() || o_->masks->parsed() || o_->faults->parsed();
 }
 
 int EvaluateCommand::run() const {
   const Options& o = *o_;
   if (*o.trajectory) return print(runtime::evaluate_trajectory(o.estimate, o.groundtruth), o.json);
-  return print(runtime::evaluate_masks(o.predicted, o.truth), o.json);
+  if (*o.masks && o.truth.empty()) return print(runtime::mask_shares(o.predicted), o.json);
+  if (*o.masks) return print(runtime::evaluate_masks(o.predicted, o.truth), o.json);
+  ProgressLine line;
+  runtime::write_mask_faults(o.fault, [&](std::size_t done, std::size_t total) {
+    line.show(fmt::format("{}/{} masks", done, total));
+  });
+  return 0;
 }
 
 }  // namespace dynslam::app

@@ -6,7 +6,8 @@
 
 namespace dynslam::app {
 
-/// `dynslam eval` and `dynslam eval-masks`: results against the truth.
+/// `dynslam eval` and `dynslam eval-masks`: results against the truth; `dynslam mask-faults`: masks against
+/// it.
 class EvaluateCommand {
  public:
   explicit EvaluateCommand(CLI::App& app);

@@ -89,6 +89,8 @@ TEST_CASE("errors are one line on stderr with a non-zero code") {
   check_one_line_error("eval " + path + "/groundtruth.txt " + path + "/groundtruth.txt", 1,
                        "cannot be aligned");
   check_one_line_error("eval-masks " + path + " " + path + "/absent", 1, "is not a folder");
+  check_one_line_error("eval-masks " + path, 1, "holds no PNG masks");
+  check_one_line_error("mask-faults " + path + " " + path + "/f --fault upside-down", 2, "upside-down");
   check_one_line_error("synth " + path + "/s --scenario party", 2, "unknown scenario 'party'");
   check_one_line_error("rnu " + path, 2, "unknown command 'rnu', did you mean run?");
   check_one_line_error("run " + path + " --dynamcis none", 2, "--dynamcis, did you mean --dynamics?");

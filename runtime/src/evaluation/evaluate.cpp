@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <opencv2/imgcodecs.hpp>
 #include <vector>
 
@@ -25,6 +26,18 @@ nlohmann::json to_json(const Statistics<double>& s) {
 std::string row(std::string_view name, const Statistics<double>& s) {
   return fmt::format("{:<22} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f}\n", name, s.rmse, s.mean,
                      s.median, s.std, s.min, s.max);
+}
+
+/// Names of the PNG files in a folder, sorted. @throws InputError where there are none
+std::vector<fs::path> mask_names(const fs::path& folder) {
+  if (!fs::is_directory(folder)) throw InputError(folder.string(), 0, "is not a folder");
+  std::vector<fs::path> names;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.path().extension() == ".png") names.push_back(entry.path().filename());
+  }
+  std::sort(names.begin(), names.end());
+  if (names.empty()) throw InputError(folder.string(), 0, "holds no PNG masks");
+  return names;
 }
 
 double ratio(std::size_t a, std::size_t b) {
@@ -73,15 +86,8 @@ std::string to_text(const TrajectoryReport& report) {
 }
 
 MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth) {
-  for (const fs::path& folder : {predicted, truth}) {
-    if (!fs::is_directory(folder)) throw InputError(folder.string(), 0, "is not a folder");
-  }
-  std::vector<fs::path> names;
-  for (const auto& entry : fs::directory_iterator(truth)) {
-    if (entry.path().extension() == ".png") names.push_back(entry.path().filename());
-  }
-  std::sort(names.begin(), names.end());
-  if (names.empty()) throw InputError(truth.string(), 0, "holds no PNG masks");
+  if (!fs::is_directory(predicted)) throw InputError(predicted.string(), 0, "is not a folder");
+  const std::vector<fs::path> names = mask_names(truth);
   MaskReport report;
   std::size_t both = 0, either = 0, in_truth = 0, in_prediction = 0;
   for (const fs::path& name : names) {
@@ -125,6 +131,27 @@ std::string to_text(const MaskReport& r) {
       "{} frames ({} without a prediction): recall {:.4f}, IoU {:.4f}, precision {:.4f}, {} frames with "
       "recall below 0.3\n",
       r.frames, r.missing, r.recall, r.iou, r.precision, r.frames_recall_below_0_3);
+}
+
+MaskShares mask_shares(const fs::path& folder) {
+  std::vector<double> shares;
+  for (const fs::path& name : mask_names(folder)) {
+    const cv::Mat mask = read_image(folder / name, cv::IMREAD_GRAYSCALE);
+    shares.push_back(ratio(static_cast<std::size_t>(cv::countNonZero(mask)), mask.total()));
+  }
+  std::sort(shares.begin(), shares.end());
+  const auto n = static_cast<double>(shares.size());
+  return {shares.size(), std::accumulate(shares.begin(), shares.end(), 0.0) / n,
+          shares[static_cast<std::size_t>(0.95 * (n - 1) + 0.5)], shares.back()};
+}
+
+nlohmann::json to_json(const MaskShares& s) {
+  return {{"frames", s.frames}, {"mean", s.mean}, {"p95", s.p95}, {"worst", s.worst}};
+}
+
+std::string to_text(const MaskShares& s) {
+  return fmt::format("{} frames: masks cover {:.2f} % of a frame's pixels, p95 {:.2f} %, worst {:.2f} %\n",
+                     s.frames, 100 * s.mean, 100 * s.p95, 100 * s.worst);
 }
 
 }  // namespace dynslam::runtime

@@ -45,4 +45,14 @@ struct MaskReport {
 [[nodiscard]] nlohmann::json to_json(const MaskReport& report);
 [[nodiscard]] std::string to_text(const MaskReport& report);
 
+/// Share of pixels that masks cover, per frame: where nothing moves, false alarms.
+struct MaskShares {
+  std::size_t frames = 0;
+  double mean = 0, p95 = 0, worst = 0;
+};
+/// @throws InputError  a missing folder, one without masks, unreadable images
+[[nodiscard]] MaskShares mask_shares(const std::filesystem::path& folder);
+[[nodiscard]] nlohmann::json to_json(const MaskShares& shares);
+[[nodiscard]] std::string to_text(const MaskShares& shares);
+
 }  // namespace dynslam::runtime

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace dynslam::runtime {
+
+/// What a segmenter may get wrong. The first four call a big static object a person, beside what the true
+/// masks hold.
+enum class MaskFault : std::uint8_t {
+  object_always,
+  object_third,       ///< in every third frame
+  object_first_half,  ///< of the run
+  object_second_half,
+  cover,     ///< 90 % of the view, a strip at one side left
+  mirrored,  ///< left and right exchanged
+  late,      ///< by 5 frames
+  shifted,   ///< by 40 pixels, of 640
+  empty,
+  blobs  ///< others in every frame
+};
+inline constexpr std::array<std::string_view, 10> kMaskFaultNames{"object-always",
+                                                                  "object-third",
+                                                                  "object-first-half",
+                                                                  "object-second-half",
+                                                                  "cover",
+                                                                  "mirrored",
+                                                                  "late",
+                                                                  "shifted",
+                                                                  "empty",
+                                                                  "blobs"};
+[[nodiscard]] std::optional<MaskFault> parse_mask_fault(std::string_view name);
+
+struct MaskFaultOptions {
+  std::filesystem::path sequence;  ///< with ground truth: where the camera is says where the object is seen
+  std::string camera;              ///< empty: by the sequence
+  std::filesystem::path out;       ///< folder of <time stamp>.png, for `run --masks`
+  MaskFault fault = MaskFault::object_always;
+  std::uint64_t seed = 1;  ///< of the blobs
+};
+
+/// Writes wrong masks for a sequence. The true ones are those of its dynamic_mask/, where it has it; where
+/// not, the object's stand for them (mirrored, late, shifted). The object is what lies within a ball around
+/// the middle of the view halfway through the sequence and fills a quarter of that view.
+/// @throws InputError  no ground truth, unreadable images, a folder that cannot be made
+void write_mask_faults(const MaskFaultOptions& options,
+                       const std::function<void(std::size_t done, std::size_t total)>& progress);
+
+}  // namespace dynslam::runtime
