@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cameras.hpp"
+#include "dynslam/dynamics/mask_arbitration.hpp"
 #include "dynslam/features/descriptor.hpp"
 #include "dynslam/features/feature_grid.hpp"
 #include "dynslam/features/feature_placer.hpp"
@@ -21,6 +22,7 @@
 #include "dynslam/map/keyframe_map.hpp"
 #include "dynslam/map/keyframe_policy.hpp"
 #include "dynslam/map/local_matcher.hpp"
+#include "dynslam/map/masked_pose.hpp"
 #include "dynslam/map/matched_pose.hpp"
 #include "dynslam/map/point_maker.hpp"
 #include "moving_scene.hpp"
@@ -134,8 +136,16 @@ TEST_CASE_TEMPLATE("features in the pixels of every camera make points, poses an
     second.features[i].y = static_cast<float>(x->y());
     second.features[i].depth = static_cast<float>(p_c.z());
   }
+  const std::vector<std::vector<std::uint8_t>> masks{std::vector<std::uint8_t>(second.features.size(), 0)};
+  MaskedPoseWorkspace masked;
+  Frame<S> with_masks = second;
+  const auto believed = masked_pose(
+      pose, wall.map, SE3<S>(), masks, {}, with_masks, [](int) {}, masked);
+  REQUIRE(believed.ok());
+  CHECK(arbitrate_mask(believed.pose, believed.pose) == MaskVerdict::kept);
   const auto result = pose.optimize(wall.map, SE3<S>(), second);
   REQUIRE(result.ok());
+  CHECK((believed.pose.T_c_w * result.T_c_w.inverse()).log().norm() < S(1e-6));
   CHECK((result.T_c_w * wall.T_c1_w.inverse()).log().norm() < S(1e-3));
   second.T_c_w = SE3<S>();
   wall.map.add_keyframe(second);

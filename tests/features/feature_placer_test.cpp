@@ -94,4 +94,8 @@ TEST_CASE("features on a mask are flagged, flags that are set stay, and outside 
   std::array<std::uint8_t, 4> flags{0, 1, 0, 0};
   flag_masked(mask, features, flags);
   CHECK(flags == std::array<std::uint8_t, 4>{1, 1, 0, 0});
+  features[2].depth = features[1].depth = 1;
+  CHECK(unmasked_with_depth(features, flags) == 1);
+  CHECK(unmasked_share<double>(flags) == 0.5);
+  CHECK(unmasked_share<float>({}) == 1.0F);
 }

@@ -8,7 +8,9 @@
 #include <cstring>
 #include <limits>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
@@ -184,4 +186,37 @@ TEST_CASE("who was at rest before the camera was lost is not taken to be so afte
   black.gray.setTo(0);
   CHECK(tracker.track(black, w.masks(i + 1)).state == TrackingState::lost);
   CHECK(at_rest() == 0);
+}
+
+TEST_CASE(
+    "masks that cover nearly all of the view, always or now and then, cost no frame and no centimetre") {
+  const Walking& w = walking();
+  const auto run = [&](DynamicsMode mode, auto&& mask_of) {
+    Tracker tracker(w.camera, options(mode));
+    int rejected = 0, tracked = 0;
+    SE3<double> last;
+    for (std::size_t i = 0; i < kFrames; ++i) {
+      const TrackResult r = tracker.track(w.frame(i), mask_of(i));
+      tracked += r.state == TrackingState::tracked ? 1 : 0;
+      rejected += r.mask_rejected != MaskVerdict::kept ? 1 : 0;
+      last = r.T_w_c;
+    }
+    CAPTURE(static_cast<int>(mode));
+    CHECK(tracked == kFrames);
+    return std::pair(last, rejected);
+  };
+  const auto geometric = run(DynamicsMode::geometric, [](std::size_t) { return std::optional<Masks>(); });
+  Masks cover;
+  cover.dynamic = cv::Mat(480, 640, CV_8UC1, cv::Scalar(255));
+  cover.dynamic.colRange(600, 640) = 0;
+  const auto now_and_then = [&](std::size_t i) { return i % 3 == 1 ? std::optional(cover) : std::nullopt; };
+  for (const DynamicsMode mode : {DynamicsMode::both, DynamicsMode::semantic}) {
+    const auto always = run(mode, [&](std::size_t) { return std::optional(cover); });
+    CHECK(always.second == kFrames);
+    const auto sometimes = run(mode, now_and_then);
+    CHECK(sometimes.second >= kFrames / 3);
+    if (mode == DynamicsMode::semantic) continue;  // people walk here, and nothing else tells of them
+    for (const auto& found : {always, sometimes})
+      CHECK((found.first.translation() - geometric.first.translation()).norm() < 0.01);
+  }
 }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -24,6 +26,22 @@ void flag_masked(const Mask& mask, std::span<const Feature> features, std::span<
     if (u < 0 || v < 0 || u >= mask.width() || v >= mask.height()) continue;
     if (mask(u, v) != 0) flags[i] = 1;
   }
+}
+
+/// Features with depth outside the flags.
+[[nodiscard]] inline int unmasked_with_depth(std::span<const Feature> features,
+                                             std::span<const std::uint8_t> flags) {
+  DYNSLAM_ASSERT(features.size() == flags.size(), "every feature has one flag");
+  int count = 0;
+  for (std::size_t i = 0; i < features.size(); ++i) count += flags[i] == 0 && features[i].depth > 0 ? 1 : 0;
+  return count;
+}
+
+/// Share of the features that flags leave; 1 where there are none.
+template <std::floating_point S>
+[[nodiscard]] S unmasked_share(std::span<const std::uint8_t> flags) {
+  if (flags.empty()) return S(1);
+  return static_cast<S>(std::count(flags.begin(), flags.end(), 0)) / static_cast<S>(flags.size());
 }
 
 }  // namespace dynslam

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
@@ -38,6 +39,7 @@ std::optional<Masks> MaskSource::read(const std::string& stamp, int width, int h
     const cv::Mat between = (image != 0) & (image != 255);
     if (cv::countNonZero(between) == 0) {
       masks.dynamic = image;
+      cv::connectedComponents(image, masks.instances, 8, CV_16U);
     } else {
       masks.labels = image;
       masks.dynamic = cv::Mat::zeros(image.size(), CV_8UC1);

@@ -189,6 +189,8 @@ void Run::take(SegmentedFrame& input) {
   std::optional<Masks>& prior = input.segmented.masks;
   if (masks_) prior = masks_->read(frame.stamp, camera_.width, camera_.height);
   const TrackResult result = slam_->track(frame, prior);
+  if (result.mask_rejected != MaskVerdict::kept)
+    summary_.masks_rejected.emplace_back(frame.stamp, result.mask_rejected);
   if (result.ok()) {
     ++summary_.tracked;
     if (result.loop) summary_.loops.push_back(*result.loop);

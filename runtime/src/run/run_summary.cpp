@@ -53,6 +53,10 @@ std::string summary_json(const RunOptions& options, const CameraConfig& camera, 
                           {"merged", loop.merged},
                           {"shift_m", loop.D.translation().norm()}});
   }
+  j["masks_rejected"] = s.masks_rejected.size();
+  j["mask_rejected"] = nlohmann::json::array();
+  for (const auto& [stamp, why] : s.masks_rejected)
+    j["mask_rejected"].push_back({{"frame", stamp}, {"reason", std::string(to_string(why))}});
   j["fps"] = s.fps;
   j["peak_rss_mb"] = s.peak_rss_mb;
   j["configuration"] = configuration(options, camera);

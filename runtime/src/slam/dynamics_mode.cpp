@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "dynslam/runtime/slam/dynamics_mode.hpp"
 
+#include <array>
+#include <cstddef>
+
 namespace dynslam::runtime {
 
 std::optional<DynamicsMode> parse_dynamics(std::string_view name) {
@@ -12,17 +15,8 @@ std::optional<DynamicsMode> parse_dynamics(std::string_view name) {
 }
 
 std::string_view to_string(DynamicsMode mode) {
-  switch (mode) {
-    case DynamicsMode::none:
-      return "none";
-    case DynamicsMode::semantic:
-      return "semantic";
-    case DynamicsMode::geometric:
-      return "geometric";
-    case DynamicsMode::both:
-      return "both";
-  }
-  return "unknown";
+  constexpr std::array<std::string_view, 4> kNames{"none", "semantic", "geometric", "both"};
+  return kNames[static_cast<std::size_t>(mode)];
 }
 
 std::optional<Method> parse_method(std::string_view name) {

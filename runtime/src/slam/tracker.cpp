@@ -24,8 +24,9 @@ cv::Mat widened(const cv::Mat& mask, int margin) {
   return result;
 }
 
-void flag_dynamic(Frame& frame, const cv::Mat& mask) {
-  flag_masked(interop::view<const std::uint8_t>(mask), frame.features, frame.dynamic);
+void flag(const Frame& frame, const cv::Mat& mask, std::vector<std::uint8_t>& flags) {
+  flags.resize(frame.features.size(), 0);
+  flag_masked(interop::view<const std::uint8_t>(mask), frame.features, flags);
 }
 
 MatchedPoseOptions<double> pose_options(const TrackerOptions& options) {
@@ -51,17 +52,8 @@ MotionSegmenterOptions<double> geometry_options(const TrackerOptions& options) {
 }  // namespace
 
 std::string_view to_string(TrackingState state) {
-  switch (state) {
-    case TrackingState::not_initialised:
-      return "not initialised";
-    case TrackingState::tracked:
-      return "tracked";
-    case TrackingState::relocalised:
-      return "relocalised";
-    case TrackingState::lost:
-      return "lost";
-  }
-  return "unknown";
+  constexpr std::array<std::string_view, 4> kNames{"not initialised", "tracked", "relocalised", "lost"};
+  return kNames[static_cast<std::size_t>(state)];
 }
 
 Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
@@ -92,10 +84,10 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
     return now.finish();
   }
 
-  const int wanted = find_initial_pose(now);
-  now.done(Stage::initial_pose);
   now.result.state = TrackingState::tracked;
-  if (wanted == 0 || !prove_on_local_map(now, wanted))
+  // What keeps movers out must not lose the camera: without it, next.
+  const auto plainly = [&] { return !std::exchange(now.plain, true) && locate(now); };
+  if (!locate(now) && !(disbelieve_prior(now, MaskVerdict::starved) && locate(now)) && !plainly())
     now.result.state = relocalise(now) ? TrackingState::relocalised : TrackingState::lost;
   now.done(Stage::local_map);
   if (now.result.state == TrackingState::lost) {
@@ -105,7 +97,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   }
 
   if (uses_geometry(options_.dynamics)) {
-    find_movers(now, prior);
+    find_movers(now);
     pose_without_movers(now);
   }
   accept(now);
@@ -162,18 +154,30 @@ void Tracker::mask_a_priori(Present& now, const std::optional<Masks>& prior) con
     now.result.dynamic_mask = cv::Mat::zeros(now.input.gray.size(), CV_8UC1);
     return;
   }
+  now.prior = &*prior;
   now.semantic = widened(prior->dynamic, options_.semantic_dilation);
   if (!resting_.empty()) now.semantic.setTo(0, resting_);  // of the frame before: people hardly jump in one
-  flag_dynamic(now.frame, now.semantic);
+  flag(now.frame, now.semantic, now.frame.dynamic);
   // The margin keeps features off a mover's rim; the mask that is handed on is the object itself.
   now.result.dynamic_mask = prior->dynamic.clone();
+  if (unmasked_share<double>(now.frame.dynamic) < options_.arbitration.min_left)
+    disbelieve_prior(now, MaskVerdict::covers_view);
+}
+
+/// Goes on without the a-priori mask, as far as the pose is concerned. @return whether there was one
+bool Tracker::disbelieve_prior(Present& now, MaskVerdict why) {
+  if (now.semantic.empty()) return false;
+  now.semantic.release();
+  std::fill(now.frame.dynamic.begin(), now.frame.dynamic.end(), 0);
+  now.result.mask_rejected = why;
+  return true;
 }
 
 void Tracker::start_map(Present& now) {
-  int usable = 0;
-  for (std::size_t i = 0; i < now.frame.features.size(); ++i)
-    usable += now.frame.dynamic[i] == 0 && now.frame.features[i].depth > 0 ? 1 : 0;
-  if (usable < options_.initial_features) return;
+  const auto enough = [&] {
+    return unmasked_with_depth(now.frame.features, now.frame.dynamic) >= options_.initial_features;
+  };
+  if (!enough() && !(disbelieve_prior(now, MaskVerdict::starved) && enough())) return;
   if (uses_geometry(options_.dynamics))  // for its images: nothing is there yet to compare them with
     geometry_.segment(interop::view<const std::uint8_t>(now.input.gray), now.depth, SE3<double>());
   insert_keyframe(now);
@@ -184,6 +188,12 @@ void Tracker::start_map(Present& now) {
     geometry_.remember(now.frame.T_c_w,
                        interop::view<const std::uint8_t>(std::as_const(now.result.dynamic_mask)));
   last_ = std::move(now.frame);
+}
+
+bool Tracker::locate(Present& now) {
+  const int wanted = find_initial_pose(now);
+  now.done(Stage::initial_pose);
+  return wanted > 0 && prove_on_local_map(now, wanted);
 }
 
 int Tracker::find_initial_pose(Present& now) {
@@ -207,14 +217,15 @@ bool Tracker::try_initial_pose(Present& now, const SE3<double>& predicted, float
   PoseConsensusOptions<double> consensus;
   consensus.seed = options_.seed + now.frame.index;
   const Eigen::Vector2i image_size(camera_.width, camera_.height);
-  if (additions_.motion_prior) {
+  if (additions_.motion_prior && !now.plain) {
     const double interval = std::max(1e-3, now.input.t - last_.t);
     consensus.prior_share = o.prior_share;
     consensus.prior_translation = o.prior_speed * interval;
     consensus.prior_rotation = o.prior_turn * interval;
   }
-  const SE3<double> start = pose_.consensus(predicted, std::span<const SE3<double>>(&last_.T_c_w, 1),
-                                            consensus, additions_.surface_weights ? &image_size : nullptr);
+  const SE3<double> start =
+      pose_.consensus(predicted, std::span<const SE3<double>>(&last_.T_c_w, 1), consensus,
+                      additions_.surface_weights && !now.plain ? &image_size : nullptr);
   pose_.keep_consistent(start, consensus.truncation, now.frame);
   const PoseResult<double> pose = pose_.optimize(map_, start, now.frame);
   if (pose.inliers < o.weak_inliers) return false;
@@ -225,7 +236,7 @@ bool Tracker::try_initial_pose(Present& now, const SE3<double>& predicted, float
 
 bool Tracker::prove_on_local_map(Present& now, int wanted) {
   matcher_.match_local(map_, now.T_c_w, now.image->pyramid, now.depth, now.frame);
-  if (additions_.strict_local_map) {
+  if (additions_.strict_local_map && !now.plain) {
     // The pose is good to a fraction of a pixel already. What is farther off moves, and were it let in, a
     // robust kernel would give it its share.
     pose_.gather(map_, now.frame);
@@ -269,7 +280,7 @@ bool Tracker::relocalise(Present& now) {
   return false;
 }
 
-void Tracker::find_movers(Present& now, const std::optional<Masks>& prior) {
+void Tracker::find_movers(Present& now) {
   TrackResult& result = now.result;
   if (geometry_.has_reference()) geometry_.place_reference(map_.pose(reference_id_));
   constexpr std::array kStages{Stage::lucas_kanade, Stage::residuals, Stage::free_space, Stage::growing};
@@ -278,23 +289,22 @@ void Tracker::find_movers(Present& now, const std::optional<Masks>& prior) {
       interop::view<const std::uint8_t>(now.input.gray), now.depth, now.T_c_w,
       interop::view<const std::uint8_t>(std::as_const(now.semantic)),
       [&](MotionStage s) { result.times[kStages[static_cast<std::size_t>(s)]] = watch.lap_ms(); });
-  const cv::Mat moving(now.input.gray.size(), CV_8UC1,
+  now.moving = cv::Mat(now.input.gray.size(), CV_8UC1,
                        const_cast<std::uint8_t*>(motion.mask.data()));  // OpenCV has no read-only matrices
-  if (!now.semantic.empty() && options_.method == Method::full) give_back_resting(now, *prior, moving);
-  cv::bitwise_or(result.dynamic_mask, moving, result.dynamic_mask);
+  if (now.prior != nullptr && options_.method == Method::full) give_back_resting(now);
   now.watch.lap_ms();
 }
 
 /// Takes instances that have not moved for long out of the mask: their points serve the pose, but the map,
 /// which goes by labels, never gets their surface.
-void Tracker::give_back_resting(Present& now, const Masks& prior, const cv::Mat& moving) {
+void Tracker::give_back_resting(Present& now) {
   resting_.create(now.result.dynamic_mask.size(), CV_8UC1);
   resting_.setTo(0);
-  if (prior.instances.empty()) return;
-  const auto instances = interop::view<const std::uint16_t>(prior.instances);
+  if (now.prior->instances.empty()) return;
+  const auto instances = interop::view<const std::uint16_t>(now.prior->instances);
   const auto at_rest = resting_instances(
-      instances, interop::view<const std::uint8_t>(prior.dynamic), now.depth,
-      interop::view<const std::uint8_t>(moving),
+      instances, interop::view<const std::uint8_t>(now.prior->dynamic), now.depth,
+      interop::view<const std::uint8_t>(std::as_const(now.moving)),
       [&](int u, int v) { return geometry_.verified_static(static_cast<float>(u), static_cast<float>(v)); },
       options_.resting);
   auto dynamic = interop::view<std::uint8_t>(now.result.dynamic_mask);
@@ -302,27 +312,33 @@ void Tracker::give_back_resting(Present& now, const Masks& prior, const cv::Mat&
   dynslam::give_back_resting(instances, at_rest, dynamic, resting);
 }
 
-/// Optimises the pose again on what the fused mask leaves (paper, step 10).
+/// Optimises the pose again on what the fused mask leaves (paper, step 10), or what is left by that part of
+/// it which can be believed.
 void Tracker::pose_without_movers(Present& now) {
   Frame& frame = now.frame;
   // A feature is a patch: at the rim of a mover half of it moves.
-  flag_dynamic(frame, widened(now.result.dynamic_mask, options_.feature_margin));
-  int left = 0;
-  for (std::size_t i = 0; i < frame.point.size(); ++i)
-    left += frame.point[i] >= 0 && frame.dynamic[i] == 0 ? 1 : 0;
-  now.result.mask_rejected = left < options_.search.min_inliers;
-  if (!now.result.mask_rejected) {
-    const PoseResult<double> pose = pose_.optimize(map_, now.T_c_w, frame);
-    now.result.mask_rejected = pose.inliers < options_.search.min_inliers;
-    if (!now.result.mask_rejected) {
-      now.T_c_w = pose.T_c_w;
-      now.result.inliers = pose.inliers;
-    }
+  std::vector<std::vector<std::uint8_t>> masks(now.semantic.empty() ? 1 : 2);
+  const cv::Mat moving = widened(now.moving, options_.feature_margin);
+  for (auto& mask : masks) flag(frame, moving, mask);
+  if (!now.semantic.empty()) {
+    flag(frame, widened(now.result.dynamic_mask, options_.feature_margin), masks[0]);
+    for (std::size_t i = 0; i < frame.dynamic.size(); ++i) masks[0][i] |= frame.dynamic[i];
   }
-  for (std::size_t i = 0; i < frame.point.size(); ++i) {
-    if (frame.dynamic[i] == 0 || frame.point[i] < 0) continue;
-    ++map_.point(frame.point[i]).on_mover;
-    frame.point[i] = -1;
+  const auto fused = masked_pose(
+      pose_, map_, now.T_c_w, masks, options_.arbitration, frame,
+      [&](int point) { ++map_.point(point).on_mover; }, masked_pose_);
+  if (fused.verdict != MaskVerdict::kept) now.result.mask_rejected = fused.verdict;
+  if (fused.pose.inliers >= options_.search.min_inliers) {
+    now.T_c_w = fused.pose.T_c_w;
+    now.result.inliers = fused.pose.inliers;
+  }
+  if (fused.mask < masks.size()) {
+    cv::bitwise_or(now.result.dynamic_mask, now.moving, now.result.dynamic_mask);
+    return;
+  }
+  for (std::size_t i = 0; i < frame.dynamic.size(); ++i) {  // what nothing speaks for makes no points
+    const Feature& f = frame.features[i];
+    frame.dynamic[i] = masks[0][i] != 0 && frame.point[i] < 0 && !geometry_.verified_static(f.u, f.v) ? 1 : 0;
   }
 }
 

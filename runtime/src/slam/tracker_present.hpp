@@ -22,7 +22,10 @@ struct Tracker::Present {
   std::shared_ptr<const ImageFeatures> image;
   Frame frame;
   SE3<double> T_c_w;
-  cv::Mat semantic;  // a-priori mask with its margin; empty: none
+  bool plain = false;            // located without what the method adds
+  const Masks* prior = nullptr;  // where it is used
+  cv::Mat semantic;              // a-priori mask with its margin; empty: none that is believed
+  cv::Mat moving;                // what the geometry found
   TrackResult result;
   Stopwatch whole, watch;
 

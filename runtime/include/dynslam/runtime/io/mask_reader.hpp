@@ -25,8 +25,9 @@ struct MaskOptions {
 };
 
 /// A-priori masks from files named by the colour image's time stamp, DIR/<stamp>.png:
-/// 8 bit with the values 0 and 255 alone: a dynamic mask; other 8-bit values: labels; 16 bit: instances,
-/// all of them dynamic. A folder with a subfolder label/ (as synthetic sequences have) is read there.
+/// 8 bit with the values 0 and 255 alone: a dynamic mask, whose connected parts are the instances; other
+/// 8-bit values: labels; 16 bit: instances, all of them dynamic. A folder with a subfolder label/ (as
+/// synthetic sequences have) is read there.
 class MaskSource {
  public:
   /// @throws InputError when the folder does not exist

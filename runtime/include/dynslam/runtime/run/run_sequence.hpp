@@ -57,7 +57,8 @@ struct RunSummary {
   std::map<std::string, StageStatistics> stages;
   std::vector<StampedPose<double>> trajectory;
   std::vector<LoopClosing> loops;
-  std::vector<std::string> problems;  ///< one line each, in order of frames
+  std::vector<std::pair<std::string, MaskVerdict>> masks_rejected;  ///< time stamps of frames, and why
+  std::vector<std::string> problems;                                ///< one line each, in order of frames
   bool interrupted = false;
 };
 

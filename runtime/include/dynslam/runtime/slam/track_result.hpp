@@ -7,6 +7,7 @@
 #include <optional>
 #include <string_view>
 
+#include "dynslam/dynamics/mask_arbitration.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/runtime/slam/types.hpp"
 
@@ -48,8 +49,8 @@ struct TrackResult {
   int reference = 0;  ///< the newest keyframe
   SE3<double> T_c_reference;
   bool keyframe = false;
-  std::optional<LoopClosing> loop;  ///< closed at this keyframe: T_w_c is corrected already
-  bool mask_rejected = false;       ///< the mask left too few features and was not applied to the pose
+  std::optional<LoopClosing> loop;                ///< closed at this keyframe: T_w_c is corrected already
+  MaskVerdict mask_rejected = MaskVerdict::kept;  ///< why the pose was not found by the mask, if it was not
   int matches = 0, inliers = 0;
   cv::Mat dynamic_mask;  ///< CV_8UC1, 255 = dynamic; always of image size
   StageTimes times{};

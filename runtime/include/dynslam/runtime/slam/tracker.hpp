@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "dynslam/map/local_matcher.hpp"
+#include "dynslam/map/masked_pose.hpp"
 #include "dynslam/map/matched_pose.hpp"
 #include "dynslam/map/point_maker.hpp"
 #include "dynslam/runtime/io/camera.hpp"
@@ -55,7 +56,9 @@ class Tracker {
   // One frame, in the order of work.
   void extract(Present& now);
   void mask_a_priori(Present& now, const std::optional<Masks>& prior) const;
+  static bool disbelieve_prior(Present& now, MaskVerdict why);
   void start_map(Present& now);
+  bool locate(Present& now);
   /// Finds the pose from the last frame's points. @return inliers of the local map that prove it; 0: not
   /// found
   int find_initial_pose(Present& now);
@@ -63,8 +66,8 @@ class Tracker {
   /// Matches the local map's points. @return whether `wanted` of them fit one pose
   bool prove_on_local_map(Present& now, int wanted);
   bool relocalise(Present& now);
-  void find_movers(Present& now, const std::optional<Masks>& prior);
-  void give_back_resting(Present& now, const Masks& prior, const cv::Mat& moving);
+  void find_movers(Present& now);
+  void give_back_resting(Present& now);
   void pose_without_movers(Present& now);
   void accept(Present& now);
   void insert_keyframe(Present& now);
@@ -86,6 +89,7 @@ class Tracker {
   FeatureExtractor extractor_;
   LocalMatcher<decltype(CameraConfig::model)> matcher_;
   MatchedPose<double> pose_;
+  MaskedPoseWorkspace masked_pose_;
   PointMaker<double> points_;
   MotionSegmenter<double, decltype(CameraConfig::model)> geometry_;
   LocalMap map_;

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string_view>
 
+#include "dynslam/dynamics/mask_arbitration.hpp"
 #include "dynslam/dynamics/motion_segmenter.hpp"
 #include "dynslam/dynamics/resting.hpp"
 #include "dynslam/image/depth.hpp"
@@ -52,6 +53,7 @@ struct TrackerOptions {
   PointMakerOptions<double> points;
   KeyframeOptions<double> keyframes;
   RestingOptions<double> resting;
+  MaskArbitrationOptions<double> arbitration;
   int semantic_dilation = 9;  ///< pixels added around a-priori masks
   int feature_margin = 6;     ///< pixels around the fused mask in which features are not used
   bool bundle = true;         ///< adjust the newest keyframes and their points
