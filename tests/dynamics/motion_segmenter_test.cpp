@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "dynslam/geometry/brown_conrady.hpp"
@@ -159,4 +160,34 @@ TEST_CASE("a correction of the map moves what is remembered with it") {
     CHECK(motion.dynamic_matches <= motion.tracked / 20);
     segmenter.remember(T_c_w, motion.mask);
   }
+}
+
+TEST_CASE_TEMPLATE("depth images taken beside the grey ones make no movers, where the way between is told", S,
+                   float, double) {
+  const Pinhole<S> camera(S(200), S(200), S(119.5), S(89.5));
+  const auto at = [](double k) {
+    return SE3<double>(SO3<double>::exp(Eigen::Vector3d(0, 0.3 * std::sin(0.2 * k), 0)),
+                       Eigen::Vector3d(0.1 * std::sin(0.2 * k), 0, 0));
+  };
+  const auto worst_share = [&](bool told) {
+    MotionSegmenterOptions<S> options;
+    options.free_space.timing = 0;  // the rest is for what nobody knows
+    MotionSegmenter<S, Pinhole<S>> segmenter(camera, options);
+    SceneRenderer<Pinhole<S>> grey(camera, kWidth, kHeight), depth(camera, kWidth, kHeight);
+    const MovingScene scene;
+    double worst = 0;
+    for (int k = 0; k < 40; ++k) {
+      const double delay = 0.6 * (k % 3 - 1);  // frames
+      grey.render(scene, at(k));
+      depth.render(scene, at(k + delay));
+      const SE3<S> T_c_w = at(k).inverse().template cast<S>();
+      if (told) segmenter.set_depth_motion((at(k + delay).inverse() * at(k)).template cast<S>());
+      const auto& motion = segmenter.segment(grey.gray.view(), depth.depth.view(), T_c_w);
+      worst = std::max(worst, share(motion.mask));
+      segmenter.remember(T_c_w, motion.mask.view());
+    }
+    return worst;
+  };
+  CHECK(worst_share(false) > 0.02);
+  CHECK(worst_share(true) < 0.002);
 }

@@ -34,6 +34,10 @@ struct FreeSpaceOptions {
   float near = 0.2F;             ///< nearer than this to an earlier camera nothing is judged [m]
   float max_depth = 5.0F;        ///< beyond, depth is too noisy to judge [m]
   FreeSpaceMargins<float> margins;
+  /// Share of the motion between two frames by which a depth image may lie beside its pose: its rows are not
+  /// taken at once (a rolling shutter), and nobody knows its time to the millisecond.
+  double timing = 0.2;
+  int max_shift = 4;  ///< beside its pose at most [cells]
 };
 
 /// What the cells of the present frame are, by earlier views.
@@ -83,6 +87,8 @@ class FreeSpaceHistory {
     support_.assign(cells, 0);
     out.resize(grid.width(), grid.height());
     out.age.fill(FreeSpaceVerdicts::kNever);
+    shift_ = shift(grid, T_c_w);
+    find_surfaces(depth, smooth);
     const std::size_t oldest = views_.size();
     for (std::size_t k = 0; k < lags_.size(); ++k) {
       std::size_t lag = lags_[k];
@@ -90,7 +96,7 @@ class FreeSpaceHistory {
         if (k == 0 || oldest <= lags_[k - 1]) break;
         lag = oldest;
       }
-      compare(grid, depth, smooth, T_c_w, lag, out.age);
+      compare(grid, depth, T_c_w, lag, out.age);
     }
     const std::size_t carry = frames(options_.carry);
     for (std::size_t c = 0; c < cells; ++c) {
@@ -114,6 +120,8 @@ class FreeSpaceHistory {
       spare_.pop_back();
     }
     view.bounds.compute(depth.view());
+    view.shifted = shift_ > 1;
+    if (view.shifted) view.anywhere.compute(depth.view(), 5, shift_);
     view.T_c_w = T_c_w;
     view.state = state;
     view.age = age;
@@ -136,7 +144,8 @@ class FreeSpaceHistory {
 
  private:
   struct View {
-    DepthBounds<float> bounds;
+    DepthBounds<float> bounds, anywhere;  // anywhere: within `shift_`, where that is more
+    bool shifted = false;
     Image<std::uint8_t> state, age;
     SE3<S> T_c_w;
   };
@@ -145,9 +154,30 @@ class FreeSpaceHistory {
     return static_cast<std::size_t>(std::max(1.0, std::round(seconds * options_.frame_rate)));
   }
 
+  /// How far the present depth image may lie beside its pose [cells]: as far as a point 1 m ahead moves in
+  /// the time that is not known.
+  [[nodiscard]] int shift(const DepthGrid& grid, const SE3<S>& T_c_w) const {
+    if (views_.empty()) return 0;
+    const SE3<S> step = T_c_w * views_.front().T_c_w.inverse();
+    const S cells = (step.translation().norm() + step.so3().log().norm()) * S(grid.fx());
+    return static_cast<int>(std::lround(std::min(S(options_.max_shift), S(options_.timing) * cells)));
+  }
+
+  /// Cells that lie on one surface, as far as that is known: beside something farther, a cell may show that.
+  void find_surfaces(const Image<float>& depth, const Image<std::uint8_t>& smooth) {
+    surface_ = smooth;
+    if (shift_ == 0) return;
+    beside_.compute(depth.view(), 1, shift_);
+    const FreeSpaceMargins<float>& m = options_.margins;
+    for (std::size_t c = 0; c < violations_.size(); ++c) {
+      const float z = depth.data()[c], farthest = beside_.farthest.data()[c];
+      if (farthest - z > m.violation_base + m.violation_quad * z * z) surface_.data()[c] = 0;
+    }
+  }
+
   /// Adds what the view of age `lag` says to violations, support and ages.
-  void compare(const DepthGrid& grid, const Image<float>& depth, const Image<std::uint8_t>& smooth,
-               const SE3<S>& T_c_w, std::size_t lag, Image<std::uint8_t>& ages) {
+  void compare(const DepthGrid& grid, const Image<float>& depth, const SE3<S>& T_c_w, std::size_t lag,
+               Image<std::uint8_t>& ages) {
     constexpr std::size_t kBlock = 64;  // cells whose places are found at once
     std::array<int, kBlock> cell;
     std::array<float, kBlock> z;
@@ -171,7 +201,8 @@ class FreeSpaceHistory {
       const auto q = static_cast<std::size_t>(cell[b]);
       switch (free_space_evidence(z[b], nearest[q], farthest[q], options_.margins)) {
         case DepthEvidence::violation:
-          if (smooth.data()[c] != 0 && lag > 1) ++violations_[c];
+          // What may have been in front at that moment is no free space; nor does it tell of rest.
+          if (surface_.data()[c] != 0 && lag > 1 && passes(view, q, z[b])) ++violations_[c];
           break;
         case DepthEvidence::consistent:
           if (state[q] == kCellMoved && lag <= follow_lag) {
@@ -185,6 +216,13 @@ class FreeSpaceHistory {
           break;
       }
     }
+  }
+
+  /// Whether the space at depth z was free, wherever the view was within its doubt.
+  [[nodiscard]] bool passes(const View& view, std::size_t q, float z) const {
+    return !view.shifted ||
+           free_space_evidence(z, view.anywhere.nearest.data()[q], view.anywhere.farthest.data()[q],
+                               options_.margins) == DepthEvidence::violation;
   }
 
   /// Where a view had the surfaces of the cells first, first + 1, ...: cell (-1: outside) and depth [m].
@@ -217,6 +255,9 @@ class FreeSpaceHistory {
   std::deque<View> views_;         // newest first
   std::vector<View> spare_;        // memory of dropped views
   std::vector<std::uint8_t> violations_, support_;
+  int shift_ = 0;  // of the frame last checked
+  Image<std::uint8_t> surface_;
+  DepthBounds<float> beside_;
 };
 
 }  // namespace dynslam

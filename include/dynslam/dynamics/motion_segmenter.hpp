@@ -7,6 +7,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -112,6 +113,10 @@ class MotionSegmenter {
 
   [[nodiscard]] const Options& options() const { return options_; }
 
+  /// The camera's motion from the next frame's grey image to its depth image, where they are not taken at
+  /// once: in a fast turn, 20 ms make the whole room stand elsewhere. Nullopt: at once, or nobody knows.
+  void set_depth_motion(const std::optional<SE3<S>>& T_depth_c) { T_depth_c_ = T_depth_c; }
+
   /// Finds what moves in a frame with the given initial pose. The first call fixes the size of the images.
   /// @param prior     a-priori mask of what may move, 0 x 0 without one: never enters scales or F
   /// @param on_stage  called with each MotionStage when it is done (to take times)
@@ -133,7 +138,7 @@ class MotionSegmenter {
     on_stage(MotionStage::residuals);
     grid_.reduce(depth, depth_, smooth_);
     if (options_.method == Method::full) {
-      history_.check(grid_, depth_, smooth_, T_c_w, verdicts_);
+      history_.check(grid_, depth_, smooth_, depth_pose(T_c_w), verdicts_);
     } else {
       verdicts_.resize(grid_.width(), grid_.height());
       for (auto* image : {&verdicts_.seed, &verdicts_.barrier, &verdicts_.verified}) image->fill(0);
@@ -210,7 +215,7 @@ class MotionSegmenter {
       std::uint8_t& age = verdicts_.age.data()[c];
       if (!dynamic || age == FreeSpaceVerdicts::kNever) age = 0;
     }
-    if (options_.method == Method::full) history_.remember(depth_, T_c_w, state_, verdicts_.age);
+    if (options_.method == Method::full) history_.remember(depth_, depth_pose(T_c_w), state_, verdicts_.age);
     ++reference_age_;
     if (options_.own_reference.use && wants_reference()) take_reference(T_c_w);
   }
@@ -275,6 +280,10 @@ class MotionSegmenter {
     }
   }
 
+  [[nodiscard]] SE3<S> depth_pose(const SE3<S>& T_c_w) const {
+    return T_depth_c_ ? *T_depth_c_ * T_c_w : T_c_w;
+  }
+
   void add_keypoint_seeds() {
     const S radius = S(options_.keypoint_seeds.radius * grid_.image_width());
     const int w = grid_.width(), h = grid_.height();
@@ -330,6 +339,7 @@ class MotionSegmenter {
   Options options_;
   DepthGrid grid_;
   HalvingPyramid<std::uint8_t> pyramid_;  // of the frame last segmented
+  std::optional<SE3<S>> T_depth_c_;       // and where its depth image was taken
   ReferenceKeyframe<S> reference_;
   int reference_age_ = 0;  // frames
   std::vector<KeypointMatch<S>> matches_;

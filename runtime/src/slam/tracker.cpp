@@ -114,7 +114,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
 }
 
 void Tracker::extract(Present& now) {
-  matcher_.placer().set_depth_motion(depth_motion(now.input));
+  matcher_.placer().set_depth_motion(depth_motion(now.input, velocity_));
   now.image = now.input.features;
   if (!now.image) {
     auto own = std::make_shared<ImageFeatures>();
@@ -141,12 +141,12 @@ void Tracker::extract(Present& now) {
   matcher_.begin(frame);
 }
 
-std::optional<SE3<double>> Tracker::depth_motion(const RgbdFrame& input) const {
+std::optional<SE3<double>> Tracker::depth_motion(const RgbdFrame& input, const SE3<double>& velocity) const {
   const double interval = input.t - last_.t, longest = options_.search.longest_delay;
   if (!initialised_ || lost_frames_ > 0 || input.depth_delay == 0 || std::abs(input.depth_delay) >= longest ||
       interval <= 0 || interval >= 4 * longest)
     return std::nullopt;
-  return SE3<double>::exp(velocity_.log() * (input.depth_delay / interval));
+  return SE3<double>::exp(velocity.log() * (input.depth_delay / interval));
 }
 
 void Tracker::mask_a_priori(Present& now, const std::optional<Masks>& prior) const {
@@ -283,6 +283,7 @@ bool Tracker::relocalise(Present& now) {
 void Tracker::find_movers(Present& now) {
   TrackResult& result = now.result;
   if (geometry_.has_reference()) geometry_.place_reference(map_.pose(reference_id_));
+  geometry_.set_depth_motion(depth_motion(now.input, now.T_c_w * last_.T_c_w.inverse()));
   constexpr std::array kStages{Stage::lucas_kanade, Stage::residuals, Stage::free_space, Stage::growing};
   Stopwatch watch;
   const auto& motion = geometry_.segment(

@@ -74,8 +74,9 @@ class Tracker {
   /// Makes the frame at hand the reference keyframe of the geometry.
   void set_reference(const Frame& frame);
 
-  /// Where the camera will have been when the depth image was taken, by its present velocity.
-  [[nodiscard]] std::optional<SE3<double>> depth_motion(const RgbdFrame& input) const;
+  /// Where the camera was when the depth image was taken, by its motion since the last frame.
+  [[nodiscard]] std::optional<SE3<double>> depth_motion(const RgbdFrame& input,
+                                                        const SE3<double>& velocity) const;
   [[nodiscard]] bool reachable(const SE3<double>& T_c_w, double t) const;
   [[nodiscard]] bool wants_keyframe(const Present& now) const;
   /// Waits for the bundle adjustment, if one runs, and uses it. @return the correction, see follow()
