@@ -32,7 +32,10 @@ void RunMap::load(const std::filesystem::path& folder, const ScanOwner& owner) {
 }
 
 void RunMap::insert(const TrackResult& result, const RgbdFrame& frame, const std::optional<Masks>& prior) {
-  cv::dilate(result.dynamic_mask, never_map_, margin_);
+  // Who rests serves the pose; the map never gets what may move.
+  const bool known = prior && !prior->dynamic.empty();
+  cv::dilate(known ? result.dynamic_mask | prior->dynamic : cv::MatExpr(result.dynamic_mask), never_map_,
+             margin_);
   mapper_.insert({result.T_w_c, frame.depth, never_map_.clone(), prior ? prior->labels : cv::Mat(), frame.bgr,
                   result.reference});
   mapped_.emplace_back(result.reference, result.T_w_c);
