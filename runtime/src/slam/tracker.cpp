@@ -85,10 +85,12 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   }
 
   now.result.state = TrackingState::tracked;
-  // What keeps movers out must not lose the camera: without it, next.
-  const auto plainly = [&] { return !std::exchange(now.plain, true) && locate(now); };
-  if (!locate(now) && !(disbelieve_prior(now, MaskVerdict::starved) && locate(now)) && !plainly())
-    now.result.state = relocalise(now) ? TrackingState::relocalised : TrackingState::lost;
+  if (!locate(now) && !(disbelieve_prior(now, MaskVerdict::starved) && locate(now))) {
+    now.plain = true;  // what keeps movers out must not lose the camera: without it, at last
+    now.result.state = relocalise(now) ? TrackingState::relocalised
+                       : locate(now)   ? TrackingState::tracked
+                                       : TrackingState::lost;
+  }
   now.done(Stage::local_map);
   if (now.result.state == TrackingState::lost) {
     ++lost_frames_;
