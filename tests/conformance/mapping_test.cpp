@@ -18,6 +18,7 @@
 #include "dynslam/features/patch_matcher.hpp"
 #include "dynslam/image/pyramid.hpp"
 #include "dynslam/map/bundle_window.hpp"
+#include "dynslam/map/covering_keyframe.hpp"
 #include "dynslam/map/frame.hpp"
 #include "dynslam/map/keyframe_map.hpp"
 #include "dynslam/map/keyframe_policy.hpp"
@@ -106,6 +107,10 @@ TEST_CASE_TEMPLATE("points of one view are found in the next, with its pose, beh
   KeyframeOptions<S> options;
   options.urgent = 1;
   CHECK_FALSE(wants_keyframe(evidence, options));
+  std::vector<int> votes;
+  CoverageOptions<S> coverage;
+  coverage.min_matches = 1;
+  CHECK(covering_keyframe(wall.map, first, coverage, votes) == 0);
   const auto warp = patch_warp(wall.camera, {0, 0, 2}, {S(-0.03), 0, 2}, Eigen::Matrix<S, 3, 3>::Identity());
   REQUIRE(warp.has_value());
   CHECK((*warp - Eigen::Matrix<S, 2, 2>::Identity()).norm() < S(0.05));

@@ -3,6 +3,7 @@
 
 #include "dynslam/semantic/cell_tree.hpp"
 #include "dynslam/semantic/log_odds.hpp"
+#include "dynslam/semantic/scan_retention.hpp"
 #include "dynslam/semantic/voxel.hpp"
 #include "dynslam/semantic/voxel_block_map.hpp"
 
@@ -30,6 +31,20 @@ TEST_CASE_TEMPLATE("a keyframe of any camera becomes a scan and voxels", Camera,
   static const auto expected = test::scan_results<Pinhole<double>, double>();
   test::check_same(test::scan_results<Camera, float>(), expected, 0);
   test::check_same(test::scan_results<Camera, double>(), expected, 0);
+}
+
+TEST_CASE_TEMPLATE("of one view three scans are kept where three are allowed", S, float, double) {
+  struct Scan {
+    SE3<S> T_w_c;
+    ScanRank rank;
+  };
+  std::vector<Scan> scans;
+  for (int k = 0; k < 5; ++k) {
+    scans.emplace_back();
+    retire_scans(scans, 3);
+    (void)drop_retired(scans, scans.size());
+  }
+  CHECK(scans.size() == 3);
 }
 
 TEST_CASE_TEMPLATE("voxels and their summaries count alike", S, float, double) {

@@ -188,3 +188,97 @@ TEST_CASE_TEMPLATE("points that are seldom found, or found on movers, are culled
   for (const int id : {lost, mover}) CHECK(map.point(id).bad);
   CHECK(map.present(lost) == -1);
 }
+
+TEST_CASE_TEMPLATE("a frame that shows what a keyframe shows keeps its place beside it, and nothing else", S,
+                   float, double) {
+  KeyframeMap<S> map;
+  for (int k = 0; k < 10; ++k) (void)map.add_point({});
+  (void)map.add_keyframe(frame_that_sees<S>({0, 1, 2, 3}, S(0)));
+  const int again = map.add_seen_again(frame_that_sees<S>({0, 1, 2}, S(0.1)), 0);
+  CHECK(again == 1);
+  CHECK(map.newest() == 1);
+  CHECK(map.standing(again) == 0);
+  CHECK(map.standing(0) == 0);
+  CHECK(map.standing(-1) == -1);
+  CHECK(map.keyframe(again).culled());
+  CHECK(map.keyframe(again).frame.features.empty());
+  CHECK(map.point(0).keyframes == std::vector<int>{0});
+  CHECK(live_keyframes(map) == 1);
+  map.keyframe(0).frame.T_c_w =
+      SE3<S>(SO3<S>(), Eigen::Matrix<S, 3, 1>(0, 1, 0)) * map.keyframe(0).frame.T_c_w;
+  CHECK(map.pose(again).translation().x() == doctest::Approx(0.1));
+  CHECK(map.pose(again).translation().y() == doctest::Approx(1.0));
+  // Beside one that hangs itself; and what is searched around the newest is what its keyframe shows.
+  CHECK(map.standing(map.add_seen_again(frame_that_sees<S>({}, S(0.2)), again)) == 0);
+  CHECK(map.pose(2).translation().x() == doctest::Approx(0.2));
+  std::vector<int> ids;
+  map.local_points(frame_that_sees<S>({}, S(0)), 3, ids);
+  CHECK(ids == std::vector<int>{0, 1, 2, 3});
+}
+
+TEST_CASE_TEMPLATE("bad points are freed, and every id that is left names the point that it named", S, float,
+                   double) {
+  test::Rng rng("keyframe map bad points");
+  KeyframeMap<S> map = random_map<S>(rng);
+  for (int p = 0; p < 400; ++p) {
+    map.point(p).reference_distance = static_cast<float>(p);  // its name
+    if (p < 250) map.point(p).bad = true;
+  }
+  const KeyframeMap<S> before = map;
+  const std::vector<int> now = map.drop_bad_points();
+  REQUIRE(now.size() == 400);
+  CHECK(live_points(map) == live_points(before));
+  CHECK(map.points().size() == static_cast<std::size_t>(live_points(before)));
+  int merged = 0;
+  for (int p = 0; p < 400; ++p) {
+    const int stands = before.present(p), id = now[static_cast<std::size_t>(p)];
+    CHECK((id < 0) == (stands < 0));
+    if (id >= 0) CHECK(map.point(id).reference_distance == static_cast<float>(stands));
+    merged += stands >= 0 && stands != p ? 1 : 0;
+  }
+  CHECK(merged > 0);
+  for (const auto& k : map.keyframes()) {
+    const auto& was = before.keyframe(k.id).frame.point;
+    REQUIRE(k.frame.point.size() == was.size());
+    for (std::size_t i = 0; i < was.size(); ++i) {
+      const bool live = was[i] >= 0 && before.present(was[i]) >= 0;
+      CHECK(k.frame.point[i] == (live ? now[static_cast<std::size_t>(was[i])] : -1));
+    }
+  }
+  std::vector<int> ids, votes(map.keyframes().size(), 0);
+  map.local_points(map.keyframe(map.newest()).frame, 12, ids);  // and the map goes on
+  CHECK(!ids.empty());
+}
+
+TEST_CASE_TEMPLATE("culled keyframes are dropped, and what is left is where it was and sees what it saw", S,
+                   float, double) {
+  test::Rng rng("keyframe map culled");
+  KeyframeMap<S> map = random_map<S>(rng);
+  for (int k = 0; k < 40; ++k) {  // beside live ones, and beside each other
+    const int parent = rng.integer(0, map.newest());
+    (void)map.add_seen_again(frame_that_sees<S>({}, S(0.1 * k)), parent);
+  }
+  const KeyframeMap<S> before = map;
+  std::vector<bool> needed;
+  for (int k = 0; k <= map.newest(); ++k) needed.push_back(rng.chance(0.3));
+  const std::vector<int> now = map.drop_culled(needed);
+  CHECK(live_keyframes(map) == live_keyframes(before));
+  CHECK(map.newest() < before.newest());
+  int last = -1;
+  for (int k = 0; k <= before.newest(); ++k) {
+    const int id = now[static_cast<std::size_t>(k)];
+    REQUIRE((id >= 0) == (!before.keyframe(k).culled() || needed[static_cast<std::size_t>(k)]));
+    if (id < 0) continue;
+    CHECK(id == ++last);
+    CHECK(map.keyframe(id).id == id);
+    CHECK((map.pose(id) * before.pose(k).inverse()).log().norm() < S(1e-4));
+    CHECK(map.keyframe(id).frame.point == before.keyframe(k).frame.point);
+    if (map.keyframe(id).culled()) CHECK_FALSE(map.keyframe(map.keyframe(id).parent).culled());
+  }
+  for (std::size_t p = 0; p < map.points().size(); ++p) {
+    if (before.points()[p].bad) continue;
+    std::vector<int> observers;
+    for (const int k : before.points()[p].keyframes) observers.push_back(now[static_cast<std::size_t>(k)]);
+    CHECK(map.points()[p].keyframes == observers);
+  }
+}

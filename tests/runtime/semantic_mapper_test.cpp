@@ -181,6 +181,35 @@ TEST_CASE("corrected poses: the map is what it would be had the keyframes come w
   CHECK(forgetful.retained_bytes() == 0);
 }
 
+TEST_CASE("of a view that is scanned again and again a few scans are kept, whenever they are fused") {
+  SemanticMapperOptions options;
+  options.scans_per_view = 4;
+  SemanticMapper hurried(kCamera, 160, 120, options), patient(kCamera, 160, 120, options);
+  std::vector<std::pair<int, SE3<double>>> poses;
+  std::size_t one = 0;
+  for (int i = 0; i < 24; ++i) {
+    MapKeyframe k = keyframe(i % 5 == 0, Label::chair, false);
+    k.id = i;
+    k.T_w_c = moved(i % 2 == 0 ? 0 : 1, 0);  // two views
+    poses.emplace_back(i, moved(i % 2 == 0 ? 0 : 1, 0.02));
+    for (SemanticMapper* mapper : {&hurried, &patient}) {
+      mapper->insert(k);
+      if (i == 9 || i == 17) mapper->repose(poses);
+    }
+    patient.finish();
+    if (i == 0) one = patient.retained_bytes();
+  }
+  hurried.finish();
+  CHECK(patient.retained_bytes() < 10 * one);
+  CHECK(patient.retained_bytes() == hurried.retained_bytes());
+  CHECK(bytes(patient) == bytes(hurried));
+  // Made again from what is kept, the map holds what it held.
+  patient.repose(poses);
+  patient.finish();
+  CHECK(at(patient, 0.02, 0.02, 2.02) == Occupancy::occupied);
+  CHECK(patient.saved_keyframes().size() == 8);
+}
+
 TEST_CASE("keyframes that come while a corrected map is rebuilt do not wait for it") {
   using Clock = std::chrono::steady_clock;
   const auto seconds = [](Clock::time_point from) {

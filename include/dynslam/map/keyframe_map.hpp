@@ -122,6 +122,79 @@ class KeyframeMap {
     return id;
   }
 
+  /// Adds a frame of which nothing is kept but its place beside a keyframe that shows the same: one that is
+  /// culled from the beginning. @return its id
+  int add_seen_again(const FrameType& frame, int parent) {
+    KeyframeType k;
+    k.id = static_cast<int>(keyframes_.size());
+    k.frame.index = frame.index;
+    k.frame.t = frame.t;
+    k.frame.T_c_w = frame.T_c_w;
+    k.parent = parent;
+    k.T_c_parent = frame.T_c_w * pose(parent).inverse();
+    keyframes_.push_back(std::move(k));
+    return keyframes_.back().id;
+  }
+
+  /// The keyframe that holds the pose of `keyframe`: itself, or the one that it was culled for; -1 for -1.
+  [[nodiscard]] int standing(int keyframe) const {
+    while (keyframe >= 0 && this->keyframe(keyframe).culled()) keyframe = this->keyframe(keyframe).parent;
+    return keyframe;
+  }
+
+  /// Frees the bad points: ids change, their order does not.
+  /// @return per old id the new one of the point that stands for it, -1: none
+  std::vector<int> drop_bad_points() {
+    std::vector<int> now(points_.size(), -1);
+    int next = 0;
+    for (std::size_t p = 0; p < points_.size(); ++p) {
+      if (!points_[p].bad) now[p] = next++;
+    }
+    for (std::size_t p = 0; p < points_.size(); ++p) {
+      const int id = present(static_cast<int>(p));
+      if (id >= 0) now[p] = now[static_cast<std::size_t>(id)];
+    }
+    std::vector<PointType> live;
+    live.reserve(static_cast<std::size_t>(next));
+    for (PointType& p : points_) {
+      if (!p.bad) live.push_back(std::move(p));
+    }
+    points_ = std::move(live);
+    stamp_.clear();
+    for (KeyframeType& k : keyframes_) {
+      for (int& p : k.frame.point) p = p >= 0 ? now[static_cast<std::size_t>(p)] : -1;
+    }
+    return now;
+  }
+
+  /// Drops culled keyframes, as before a map is saved: ids change, their order does not.
+  /// @param needed  per id: culled ones that stay; they hang on live ones directly from then on
+  /// @return per old id the new one, -1: dropped
+  std::vector<int> drop_culled(const std::vector<bool>& needed) {
+    DYNSLAM_ASSERT(needed.size() == keyframes_.size(), "every keyframe is needed or not");
+    std::vector<int> now(keyframes_.size(), -1);
+    int next = 0;
+    for (KeyframeType& k : keyframes_) {
+      const auto id = static_cast<std::size_t>(k.id);
+      if (!k.culled() || needed[id]) now[id] = next++;
+      if (!k.culled()) continue;
+      const SE3<S> T_c_w = pose(k.id);
+      k.parent = standing(k.id);
+      k.T_c_parent = T_c_w * keyframe(k.parent).frame.T_c_w.inverse();
+    }
+    std::erase_if(keyframes_, [&](const KeyframeType& k) { return now[static_cast<std::size_t>(k.id)] < 0; });
+    for (KeyframeType& k : keyframes_) {
+      k.id = now[static_cast<std::size_t>(k.id)];
+      if (k.culled()) k.parent = now[static_cast<std::size_t>(k.parent)];
+    }
+    for (PointType& p : points_) {
+      for (int& k : p.keyframes) k = now[static_cast<std::size_t>(k)];
+      std::erase(p.keyframes, -1);
+      p.bad = p.bad || p.keyframes.empty();
+    }
+    return now;
+  }
+
   /// The covisibility vote: adds to votes[k] how many of the points keyframe k sees, too.
   /// @param points  ids as in Frame::point; negative ones and bad points do not count
   /// @param votes   one per keyframe
@@ -158,7 +231,7 @@ class KeyframeMap {
   }
 
   /// Ids of the points of the `count` keyframes that share most points with `frame` (ties: newer
-  /// first), and of the newest keyframe; each id once, bad points left out.
+  /// first), and of the newest keyframe or the one that it was culled for; each id once, bad points left out.
   void local_points(const FrameType& frame, int count, std::vector<int>& ids) {
     ids.clear();
     if (keyframes_.empty()) return;
@@ -166,7 +239,7 @@ class KeyframeMap {
     count_shared(frame.point, votes_);
     rank(
         votes_, 1, count, [](int) { return true; }, neighbours_);
-    neighbours_.emplace_back(0, newest());
+    neighbours_.emplace_back(0, standing(newest()));
     stamp_.resize(points_.size(), 0);
     ++present_;
     for (const auto& [shared, k] : neighbours_) {
@@ -276,5 +349,19 @@ class KeyframeMap {
   std::vector<std::uint32_t> stamp_;  // per point: the last local_points() that gave it out
   std::uint32_t present_ = 0;
 };
+
+/// Keyframes that have not been culled.
+template <Scalar S, class Patch>
+[[nodiscard]] int live_keyframes(const KeyframeMap<S, Patch>& map) {
+  return static_cast<int>(std::count_if(map.keyframes().begin(), map.keyframes().end(),
+                                        [](const auto& k) { return !k.culled(); }));
+}
+
+/// Points that are not bad.
+template <Scalar S, class Patch>
+[[nodiscard]] int live_points(const KeyframeMap<S, Patch>& map) {
+  return static_cast<int>(
+      std::count_if(map.points().begin(), map.points().end(), [](const auto& p) { return !p.bad; }));
+}
 
 }  // namespace dynslam

@@ -176,7 +176,7 @@ void check_map_folder(const fs::path& folder) {
 }
 
 void save_slam_map(const LocalMap& map, const CameraConfig& camera, const SemanticMapper* mapper,
-                   const fs::path& folder, const SavedScans& otherwise) {
+                   const fs::path& folder, const SavedScans& otherwise, const std::vector<int>& names) {
   check_map_folder(folder);
   BinaryWriter out;
   put(out, camera);
@@ -187,7 +187,7 @@ void save_slam_map(const LocalMap& map, const CameraConfig& camera, const Semant
   FolderDraft draft(folder, kMapFiles);
   const std::uint64_t id = write_binary(draft.path() / kKeyframes, kMagic, kVersion, out);
   if (mapper != nullptr) {
-    mapper->save_scans(draft.path() / kScans, id);
+    mapper->save_scans(draft.path() / kScans, id, names);
     mapper->save(draft.path() / kOctree);
   } else if (!otherwise.folder.empty() && fs::exists(otherwise.folder / kScans)) {
     copy_scans(otherwise.folder / kScans, otherwise.map_id, draft.path() / kScans, id);

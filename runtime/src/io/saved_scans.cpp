@@ -2,7 +2,6 @@
 // The file of a map's scans, scans.bin: from them the octree is made again when poses are corrected.
 #include <algorithm>
 #include <cstdint>
-#include <numbers>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -17,15 +16,7 @@ constexpr std::string_view kMagic = "dynslam scans";
 constexpr std::uint32_t kVersion = 2;  // 1 did not name the keyframes that the scans belong to
 constexpr std::uint32_t kUnnamed = 1;
 constexpr std::int32_t kMostSessions = 1 << 30;
-// From so near, scans show the same: four fifths of the view at 3 m.
-constexpr double kSamePlace = 0.2;                             // metres
-constexpr double kSameTurn = 15.0 * std::numbers::pi / 180.0;  // rad
-constexpr int kVisits = 2;                                     // later sessions that make up for a scan
-
-bool same_view(const SE3<double>& a, const SE3<double>& b) {
-  return (a.translation() - b.translation()).norm() < kSamePlace &&
-         (a.so3() * b.so3().inverse()).log().norm() < kSameTurn;
-}
+constexpr int kVisits = 2;  // later sessions that make up for a scan
 
 /// @param sessions  one per scan; empty for version 1
 /// @return the file behind these
@@ -91,7 +82,8 @@ void copy_scans(const std::filesystem::path& from, std::uint64_t from_id, const 
   write_binary(to, kMagic, kVersion, out);
 }
 
-void SemanticMapper::save_scans(const std::filesystem::path& path, std::uint64_t map_id) const {
+void SemanticMapper::save_scans(const std::filesystem::path& path, std::uint64_t map_id,
+                                const std::vector<int>& names) const {
   const std::vector<bool> needed = still_needed();
   std::vector<std::int32_t> sessions;
   for (std::size_t k = 0; k < scans_.size(); ++k) {
@@ -104,11 +96,21 @@ void SemanticMapper::save_scans(const std::filesystem::path& path, std::uint64_t
   for (std::size_t k = 0; k < scans_.size(); ++k) {
     if (!needed[k]) continue;
     const Retained& keyframe = scans_[k];
-    out.put(static_cast<std::int32_t>(keyframe.id));
+    out.put(static_cast<std::int32_t>(names.empty() ? keyframe.id
+                                                    : names.at(static_cast<std::size_t>(keyframe.id))));
     out.put(keyframe.T_w_c);
     write_scan(out, keyframe.scan);
   }
   write_binary(path, kMagic, kVersion, out);
+}
+
+std::vector<int> SemanticMapper::saved_keyframes() const {
+  const std::vector<bool> needed = still_needed();
+  std::vector<int> ids;
+  for (std::size_t k = 0; k < scans_.size(); ++k) {
+    if (needed[k]) ids.push_back(scans_[k].id);
+  }
+  return ids;
 }
 
 std::vector<bool> SemanticMapper::still_needed() const {

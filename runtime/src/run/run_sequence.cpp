@@ -2,7 +2,6 @@
 #include "dynslam/runtime/run/run_sequence.hpp"
 
 #include <fmt/format.h>
-#include <sys/resource.h>
 
 #include <algorithm>
 #include <cstdint>
@@ -24,6 +23,7 @@
 #include "dynslam/runtime/slam/frame_preparation.hpp"
 #include "dynslam/runtime/stopwatch.hpp"
 #include "io/make_folder.hpp"
+#include "io/process_memory.hpp"
 #include "io/space_reserve.hpp"
 #include "run/run_summary.hpp"
 #include "run/run_timings.hpp"
@@ -32,12 +32,6 @@ namespace dynslam::runtime {
 namespace {
 
 namespace fs = std::filesystem;
-
-double peak_rss_mb() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) / 1024.0;
-}
 
 bool uses_network(const RunOptions& options) {
   return uses_semantic(options.dynamics) && !options.segmentation.segmenter.model.empty();
@@ -116,6 +110,7 @@ class Run {
   std::unique_ptr<SegmentationStage> segmentation_;
   RunSummary summary_;
   RunTimings timings_;
+  MapSize map_size_;  // at the last keyframe
   std::exception_ptr failure_;
   std::optional<SpaceReserve> reserve_;
   std::size_t unlisted_ = 0;  // problems that are not in the summary
@@ -201,8 +196,9 @@ void Run::take(SegmentedFrame& input) {
   if (options_.save_masks) write_image(options_.out / "masks" / (frame.stamp + ".png"), result.dynamic_mask);
   const double lap = wall_.lap_ms();
   elapsed_ms_ += lap;
-  timings_.rows.push_back(
-      {frame.stamp, result.times, input.segmented.network_ms, input.segmented.keeper_ms, lap});
+  if (result.keyframe) map_size_ = {live_keyframes(slam_->map()), live_points(slam_->map())};
+  timings_.rows.push_back({frame.stamp, result.times, input.segmented.network_ms, input.segmented.keeper_ms,
+                           lap, rss_mb(), map_size_});
 }
 
 void Run::report(const std::function<void(const Progress&)>& progress) const {

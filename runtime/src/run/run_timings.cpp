@@ -16,11 +16,12 @@ void RunTimings::write(const std::filesystem::path& path) const {
   std::ostream& out = file.stream();
   out << "timestamp";
   for (const auto name : kStageNames) out << ',' << name;
-  out << ",network,mask_keeper,frame\n";
+  out << ",network,mask_keeper,frame,rss_mb,keyframes,points\n";
   for (const Row& row : rows) {
     out << row.stamp;
     for (const double ms : row.times) out << fmt::format(",{:.3f}", ms);
-    out << fmt::format(",{:.3f},{:.3f},{:.3f}\n", row.network_ms, row.keeper_ms, row.frame_ms);
+    out << fmt::format(",{:.3f},{:.3f},{:.3f},{:.1f},{},{}\n", row.network_ms, row.keeper_ms, row.frame_ms,
+                       row.rss_mb, row.map.keyframes, row.map.points);
   }
   file.commit();
 }

@@ -10,13 +10,21 @@
 
 namespace dynslam::runtime {
 
-/// Time of each stage per frame, in the order of kStageNames, with the wall time of the whole frame.
+/// Of the map that tracking goes by.
+struct MapSize {
+  int keyframes = 0, points = 0;
+};
+
+/// Time of each stage per frame, in the order of kStageNames, with the wall time of the whole frame, and what
+/// the run takes up by then.
 struct RunTimings {
   struct Row {
     std::string stamp;
     StageTimes times;
     double network_ms, keeper_ms;  ///< of the segmentation, on its own thread unless that is off
     double frame_ms;  ///< everything the main loop did for the frame, waiting for the reader included
+    double rss_mb;
+    MapSize map;
   };
   std::vector<Row> rows;
 

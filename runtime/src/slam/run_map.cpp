@@ -9,6 +9,7 @@ namespace dynslam::runtime {
 namespace {
 
 constexpr int kMaskMargin = 7;     // pixels around movers that never become map
+constexpr int kScansPerView = 4;   // the first one, and as many as take a voxel to its bounds but one
 constexpr double kRange = 3.0;     // metres at which a turn of a keyframe is judged
 constexpr double kWorthIt = 0.25;  // of a voxel: a surface's shift for which the octree is made again
 
@@ -16,6 +17,7 @@ SemanticMapperOptions mapper_options(double resolution, std::size_t max_bytes) {
   SemanticMapperOptions options;
   options.resolution = resolution;
   options.max_bytes = max_bytes;
+  options.scans_per_view = kScansPerView;
   return options;
 }
 

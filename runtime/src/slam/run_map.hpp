@@ -12,6 +12,7 @@
 #include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
+#include "io/tidy_map.hpp"
 
 namespace dynslam::runtime {
 
@@ -35,6 +36,12 @@ class RunMap {
   /// Writes map.ot, and map_color.ot for octovis, which knows no labels. Call finish() first.
   /// @throws InputError
   void save(const std::filesystem::path& out);
+
+  /// Takes out of a copy of the map what neither tracking nor a scan needs, see tidy_map(). Call finish()
+  /// first.
+  [[nodiscard]] std::vector<int> tidy(LocalMap& map) const {
+    return tidy_map(map, mapper_.saved_keyframes());
+  }
 
   [[nodiscard]] const SemanticMapper& mapper() const { return mapper_; }
 

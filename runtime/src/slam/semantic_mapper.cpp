@@ -99,6 +99,7 @@ void SemanticMapper::fuse_next() {
     scans_.clear();
     fused_ = 0;
   }
+  fused_ -= drop_retired(scans_, fused_);
 }
 
 void SemanticMapper::check_size() const {
@@ -118,9 +119,12 @@ void SemanticMapper::run(MapKeyframe& keyframe) {
        scanner_.pack(interop::view<float>(keyframe.depth), interop::view<std::uint8_t>(keyframe.dynamic_mask),
                      interop::view<std::uint8_t>(keyframe.labels), BgrView{keyframe.bgr}),
        session_});
+  retire_scans(scans_, options_.scans_per_view);
+  fused_ -= drop_retired(scans_, fused_);  // the others wait until they are in the tree
 }
 
 void SemanticMapper::run(Poses& poses) {
+  (void)drop_retired(scans_, scans_.size());
   std::unordered_map<int, SE3<double>> pose_of;
   for (const auto& [id, T_w_c] : poses) pose_of.insert_or_assign(id, T_w_c);
   for (Retained& keyframe : scans_) {

@@ -132,8 +132,11 @@ void Slam::save(const std::filesystem::path& folder) {
   if (s.whole) finish();
   if (!s.whole && std::filesystem::exists(folder / "keyframes.bin"))
     throw InputError(folder.string(), 0, "stays as it was, because the run failed");
-  save_slam_map(s.tracker->map(), s.camera, s.octree && s.whole ? &s.octree->mapper() : nullptr, folder,
-                s.loaded);
+  LocalMap map = s.tracker->map();
+  const bool mapped = s.octree && s.whole;
+  std::vector<int> names;  // scans that are taken over name their keyframes as they are
+  if (mapped) names = s.octree->tidy(map);
+  save_slam_map(map, s.camera, mapped ? &s.octree->mapper() : nullptr, folder, s.loaded, names);
 }
 
 void Slam::load(const std::filesystem::path& folder) {

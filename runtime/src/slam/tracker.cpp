@@ -106,10 +106,10 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.done(Stage::pose);
   if (uses_geometry(options_.dynamics))
     geometry_.remember(now.T_c_w, interop::view<const std::uint8_t>(std::as_const(now.result.dynamic_mask)));
-  if (wants_keyframe(now)) insert_keyframe(now);
+  if (wants_keyframe(now)) keep(now);
   now.result.T_w_c = now.frame.T_c_w.inverse();
   now.result.reference = map_.newest();
-  now.result.T_c_reference = now.frame.T_c_w * map_.keyframes().back().frame.T_c_w.inverse();
+  now.result.T_c_reference = now.frame.T_c_w * map_.pose(map_.newest()).inverse();
   last_ = std::move(now.frame);
   now.done(Stage::keyframe);
   return now.finish();
@@ -182,7 +182,7 @@ void Tracker::start_map(Present& now) {
   if (!enough() && !(disbelieve_prior(now, MaskVerdict::starved) && enough())) return;
   if (uses_geometry(options_.dynamics))  // for its images: nothing is there yet to compare them with
     geometry_.segment(interop::view<const std::uint8_t>(now.input.gray), now.depth, SE3<double>());
-  insert_keyframe(now);
+  keep(now);
   initialised_ = true;
   now.result.state = TrackingState::tracked;
   now.result.inliers = last_keyframe_tracked_;
@@ -263,7 +263,7 @@ bool Tracker::relocalise(Present& now) {
   if (places_found_.size() > static_cast<std::size_t>(options_.search.candidates))
     places_found_.resize(static_cast<std::size_t>(options_.search.candidates));
   // The place of last is worth a look even where the index does not name it.
-  const int newest = map_.newest();
+  const int newest = map_.standing(map_.newest());
   if (std::none_of(places_found_.begin(), places_found_.end(),
                    [&](const auto& f) { return f.second == newest; }))
     places_found_.emplace_back(0, newest);

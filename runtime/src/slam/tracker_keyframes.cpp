@@ -4,29 +4,57 @@
 #include <utility>
 #include <vector>
 
+#include "dynslam/map/covering_keyframe.hpp"
 #include "dynslam/map/keyframe_policy.hpp"
 #include "io/argument_check.hpp"
 #include "slam/tracker_present.hpp"
 
 namespace dynslam::runtime {
+namespace {
+
+constexpr std::size_t kBadPoints = 1000;  // beside as many as live ones: half a megabyte
+
+}  // namespace
 
 bool Tracker::wants_keyframe(const Present& now) const {
   KeyframeEvidence<double> seen;
   seen.frames = static_cast<int>(now.frame.index - last_keyframe_index_);
   seen.inliers = now.result.inliers;
   seen.points_then = last_keyframe_tracked_;
-  seen.T_c_keyframe = now.frame.T_c_w * map_.keyframes().back().frame.T_c_w.inverse();
+  seen.T_c_keyframe = now.frame.T_c_w * map_.pose(map_.newest()).inverse();
   return dynslam::wants_keyframe(seen, options_.keyframes);
+}
+
+void Tracker::keep(Present& now) {
+  Frame& frame = now.frame;
+  frame.T_c_w = frame.T_c_w * settle();  // the bundle adjustment writes the map, and so does what follows
+  if (map_.points().size() > kBadPoints + 2 * static_cast<std::size_t>(live_points(map_))) {
+    const std::vector<int> ids = map_.drop_bad_points();
+    for (int& p : frame.point) p = p >= 0 ? ids[static_cast<std::size_t>(p)] : -1;
+  }
+  const int known = covering_keyframe(map_, frame, options_.coverage, votes_);
+  if (known < 0) {
+    insert_keyframe(now);
+  } else {  // that one serves, and the octree alone gets anything of this frame
+    (void)map_.add_seen_again(frame, known);
+    map_.cull();
+    last_keyframe_tracked_ = now.result.matches;
+  }
+  last_keyframe_index_ = frame.index;
+  if (uses_geometry(options_.dynamics) &&
+      (!geometry_.has_reference() || map_.newest() - reference_id_ > options_.reference_distance)) {
+    set_reference(frame);
+    reference_id_ = map_.newest();
+  }
+  now.result.keyframe = true;
 }
 
 void Tracker::insert_keyframe(Present& now) {
   Frame& frame = now.frame;
-  frame.T_c_w = frame.T_c_w * settle();  // the bundle adjustment writes the map, and so does what follows
   points_.trust_all(frame);
   if (additions_.proven_points && uses_geometry(options_.dynamics) && initialised_)
     points_.trust(frame, [&](float u, float v) { return geometry_.verified_static(u, v); });
   last_keyframe_tracked_ = points_.make(map_, now.image->pyramid, frame);
-  last_keyframe_index_ = frame.index;
   frame.grid.build(frame.features, camera_.width, camera_.height);
   const int id = map_.add_keyframe(frame);
   map_.cull();
@@ -43,12 +71,6 @@ void Tracker::insert_keyframe(Present& now) {
     bundle_due_ =
         frame.index + static_cast<std::size_t>(loop ? options_.loop_bundle_delay : options_.bundle_delay);
   }
-  if (uses_geometry(options_.dynamics) &&
-      (!geometry_.has_reference() || id - reference_id_ > options_.reference_distance)) {
-    set_reference(frame);
-    reference_id_ = id;
-  }
-  now.result.keyframe = true;
 }
 
 void Tracker::set_reference(const Frame& frame) {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <vector>
 
 #include "dynslam/runtime/io/camera.hpp"
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
@@ -25,9 +26,11 @@ void check_map_folder(const std::filesystem::path& folder);
 /// holds the earlier map or the new one; see docs/reliability.md. Other files in the folder stay.
 /// @param mapper     finished; null: keyframes and points alone
 /// @param otherwise  without a mapper: the scans and the octree to take over
+/// @param names      of the mapper's keyframes in this map, where it is not the one that they were made with
 /// @throws InputError
 void save_slam_map(const LocalMap& map, const CameraConfig& camera, const SemanticMapper* mapper,
-                   const std::filesystem::path& folder, const SavedScans& otherwise = {});
+                   const std::filesystem::path& folder, const SavedScans& otherwise = {},
+                   const std::vector<int>& names = {});
 
 /// @param map_id  receives what tells this saved state from every other one, its check sum
 /// @throws InputError naming the file: missing, truncated, corrupt, of another version or of another camera

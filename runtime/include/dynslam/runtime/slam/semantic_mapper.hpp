@@ -16,6 +16,7 @@
 #include "dynslam/runtime/slam/map_scan.hpp"
 #include "dynslam/runtime/threads/bounded_queue.hpp"
 #include "dynslam/semantic/log_odds.hpp"
+#include "dynslam/semantic/scan_retention.hpp"
 
 namespace dynslam::runtime {
 
@@ -34,6 +35,8 @@ struct SemanticMapperOptions {
   /// MB at 5 cm, so that more is mostly a mistake in the resolution or the camera.
   std::size_t max_bytes = std::size_t(2) << 30;
   bool retain_scans = true;  ///< keep what repose() needs, about 400 kB per keyframe
+  /// Of those that are kept, how many show the same view at most, see retire_scans(); 0: all are kept.
+  int scans_per_view = 0;
 };
 
 /// A keyframe's contribution to the map.
@@ -82,8 +85,12 @@ class SemanticMapper {
   /// Writes the retained scans. What two later sessions have scanned again from about the same place
   /// (same_view()) is left out, so that the file does not grow with the number of visits.
   /// Call finish() first. @param map_id  of the keyframes saved with them
+  /// @param names  by which each keyframe is saved; empty: as they are
   /// @throws InputError
-  void save_scans(const std::filesystem::path& path, std::uint64_t map_id) const;
+  void save_scans(const std::filesystem::path& path, std::uint64_t map_id,
+                  const std::vector<int>& names = {}) const;
+  /// Keyframes of the scans that save_scans() writes. Valid after finish().
+  [[nodiscard]] std::vector<int> saved_keyframes() const;
   /// Valid after finish().
   [[nodiscard]] const interop::SemanticOcTree& tree() const { return tree_; }
   /// Memory of the retained scans. Valid after finish().
@@ -96,6 +103,7 @@ class SemanticMapper {
     SE3<double> T_w_c;
     MapScan scan;
     int session = 0;  // that made it, counted from the first
+    ScanRank rank = {};
   };
   using Scans = std::vector<Retained>;
   using Job = std::variant<MapKeyframe, Poses, Scans>;

@@ -70,6 +70,8 @@ class Tracker {
   void give_back_resting(Present& now);
   void pose_without_movers(Present& now);
   void accept(Present& now);
+  /// Makes the frame at hand a keyframe, or notes that one shows the same.
+  void keep(Present& now);
   void insert_keyframe(Present& now);
   /// Makes the frame at hand the reference keyframe of the geometry.
   void set_reference(const Frame& frame);
@@ -99,6 +101,7 @@ class Tracker {
   PlaceVerifier verifier_;
   LoopCloser loops_;
   std::vector<std::pair<int, int>> places_found_;
+  std::vector<int> votes_;
   std::size_t bundle_due_ = 0;  // frame index
   Frame last_;
   SE3<double> velocity_;  // T_c_last

@@ -9,6 +9,7 @@
 #include "dynslam/dynamics/motion_segmenter.hpp"
 #include "dynslam/dynamics/resting.hpp"
 #include "dynslam/image/depth.hpp"
+#include "dynslam/map/covering_keyframe.hpp"
 #include "dynslam/map/keyframe_policy.hpp"
 #include "dynslam/map/local_matcher.hpp"
 #include "dynslam/map/matched_pose.hpp"
@@ -52,6 +53,7 @@ struct TrackerOptions {
   MatchedPoseOptions<double> pose;
   PointMakerOptions<double> points;
   KeyframeOptions<double> keyframes;
+  CoverageOptions<double> coverage;  ///< when a keyframe of the map serves instead of a new one
   RestingOptions<double> resting;
   MaskArbitrationOptions<double> arbitration;
   int semantic_dilation = 9;  ///< pixels added around a-priori masks
