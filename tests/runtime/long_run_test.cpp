@@ -68,7 +68,7 @@ TEST_CASE("up and down the same way: keyframes, points and the saved files stop 
   const test::TemporaryFolder folder;
   replay_office(folder.path, 480);
   std::vector<Extent> after;
-  for (const std::size_t frames : {160, 480}) {
+  for (const std::size_t frames : {std::size_t(160), std::size_t(480)}) {
     RunOptions o = office().options("unused", frames, {}, folder.path / "map");
     o.sequence = folder.path;
     o.out = folder.path / "out";
