@@ -17,6 +17,7 @@
 #include "dynslam/runtime/io/camera.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
+#include "io/make_folder.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -216,9 +217,7 @@ std::optional<MaskFault> parse_mask_fault(std::string_view name) {
 
 void write_mask_faults(const MaskFaultOptions& options,
                        const std::function<void(std::size_t, std::size_t)>& progress) {
-  std::error_code error;
-  fs::create_directories(options.out, error);
-  if (error) throw InputError(options.out.string(), 0, "cannot be made a folder: " + error.message());
+  make_folder(options.out);
   MaskFaults(options).write(progress);
 }
 

@@ -78,8 +78,8 @@ TrackResult Slam::track(const cv::Mat& image, const cv::Mat& depth, double t,
                         const std::optional<Masks>& prior, double depth_delay) {
   RgbdFrame frame = frame_of_images(image, depth, t, state_->camera);
   frame.depth_delay = depth_delay;
-  check_input(frame, prior, state_->camera, state_->last_t);
   if (prior || !state_->network) return track(frame, prior);
+  check_input(frame, prior, state_->camera, state_->last_t);  // the network remembers what it has seen
   const FrameMasks segmented = state_->network->segment(frame, state_->seen);
   return track(frame, segmented.masks);
 }
