@@ -12,7 +12,10 @@ scripts/install-deps.sh app
 
 mkdir -p build/release results
 cmake --preset release -D DYNSLAM_BUILD_TESTS=OFF -D DYNSLAM_BUILD_BENCHMARKS=OFF -D DYNSLAM_BUILD_EXAMPLES=OFF \
-  > build/release/configure.log 2>&1 || { cat build/release/configure.log; exit 1; }
+  -D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=8 > build/release/configure.log 2>&1 || {
+  cat build/release/configure.log
+  exit 1
+}
 cmake --build --preset release --target dynslam -j "$(nproc)"
 dynslam=build/release/bin/dynslam
 

@@ -13,7 +13,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 seconds=${1:-600}
 shift || true
-cmake --preset fuzz > /dev/null
+cmake --preset fuzz -D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=8 > /dev/null
 cmake --build --preset fuzz --target fuzzer
 work=build/fuzz
 mapfile -t all < <(DYNSLAM_FUZZ_SEEDS=$work/seeds $work/tests/fuzzer)

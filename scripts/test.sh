@@ -11,14 +11,15 @@ jobs=${JOBS:-$(nproc)}
 
 step() { printf '\n=== %s (%d s so far)\n' "$*" "$SECONDS"; }
 
-# One preset: configure, build, test. Keeps the last lines of ctest for the summary.
+# One preset: configure, build, test. Keeps the last lines of ctest for the summary. Sources are compiled several as
+# one (CMAKE_UNITY_BUILD), which takes less than half the time of compiling them one by one.
 check() {
   local preset=$1
-  shift
   step "$preset: configure"
   mkdir -p "build/$preset"
   cmake --preset "$preset" -D DYNSLAM_WERROR=ON -D DYNSLAM_BUILD_TESTS=ON -D DYNSLAM_BUILD_BENCHMARKS=ON \
-    -D DYNSLAM_BUILD_EXAMPLES=ON "$@" > "build/$preset/configure.log" 2>&1 || {
+    -D DYNSLAM_BUILD_EXAMPLES=ON -D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=8 \
+    > "build/$preset/configure.log" 2>&1 || {
     cat "build/$preset/configure.log"
     exit 1
   }

@@ -19,7 +19,7 @@ using test::SceneRenderer;
 
 namespace {
 
-constexpr int kWidth = 200, kHeight = 150;
+constexpr int kSceneWidth = 200, kSceneHeight = 150;
 
 /// Two views of a scene whose board is carried on in between, with their matches and the truth on them.
 template <class Camera>
@@ -35,8 +35,8 @@ struct TwoViews {
            double gain = 1, double offset = 0)
       : camera(c),
         T_cur_ref(SO3<double>::exp(Eigen::Vector3d(0.01, -0.03, 0.02)), Eigen::Vector3d(-0.12, 0.03, 0.05)),
-        reference(c, kWidth, kHeight),
-        current(c, kWidth, kHeight) {
+        reference(c, kSceneWidth, kSceneHeight),
+        current(c, kSceneWidth, kSceneHeight) {
     MovingScene after = before;
     after.board += step;
     after.gain = gain;
@@ -44,8 +44,8 @@ struct TwoViews {
     reference.render(before, SE3<double>());
     current.render(after, T_cur_ref.inverse());
     test::Rng rng("two views");
-    for (int v = 8; v < kHeight - 8; v += 7) {
-      for (int u = 8; u < kWidth - 8; u += 7) add(u, v, step, noise_px, rng);
+    for (int v = 8; v < kSceneHeight - 8; v += 7) {
+      for (int u = 8; u < kSceneWidth - 8; u += 7) add(u, v, step, noise_px, rng);
     }
   }
 
@@ -56,7 +56,8 @@ struct TwoViews {
     Eigen::Vector3d q = p->template cast<double>();
     if (on_board) q.head<2>() += step;
     const auto x_m = camera.project((T_cur_ref * q).template cast<S>().eval());
-    if (!x_m || !(x_m->x() > 4 && x_m->y() > 4 && x_m->x() < kWidth - 4 && x_m->y() < kHeight - 4)) return;
+    if (!x_m || !(x_m->x() > 4 && x_m->y() > 4 && x_m->x() < kSceneWidth - 4 && x_m->y() < kSceneHeight - 4))
+      return;
     const Eigen::Matrix<S, 2, 1> noise(S(noise_px * rng.normal()), S(noise_px * rng.normal()));
     // What another surface hides cannot be matched.
     const int un = static_cast<int>(std::lround(x_m->x())), vn = static_cast<int>(std::lround(x_m->y()));
@@ -130,11 +131,11 @@ TEST_CASE_TEMPLATE("another exposure of the second image is not motion", S, floa
 
 TEST_CASE_TEMPLATE("perfect matches of an unchanged view weigh 1 or more, never NaN", S, float, double) {
   const Pinhole<S> camera(S(170), S(170), S(99.5), S(74.5));
-  SceneRenderer<Pinhole<S>> view(camera, kWidth, kHeight);
+  SceneRenderer<Pinhole<S>> view(camera, kSceneWidth, kSceneHeight);
   view.render({}, SE3<double>());
   std::vector<KeypointMatch<S>> matches;
-  for (int v = 10; v < kHeight - 10; v += 9) {
-    for (int u = 10; u < kWidth - 10; u += 9) {
+  for (int v = 10; v < kSceneHeight - 10; v += 9) {
+    for (int u = 10; u < kSceneWidth - 10; u += 9) {
       const Eigen::Matrix<S, 2, 1> x{S(u), S(v)};
       matches.push_back(*keypoint_match(camera, x, S(view.depth(u, v)), x));
     }
@@ -187,7 +188,7 @@ TEST_CASE_TEMPLATE("before a wall, where F would be arbitrary, no match is judge
   // Twenty views of one plane: F fits its noise, and its lines accuse points that stand still.
   const Pinhole<S> camera(S(170), S(170), S(99.5), S(74.5));
   const Eigen::Vector3d normal = Eigen::Vector3d(0.2, -0.1, 1).normalized();  // normal . p = 2 m
-  const Image<std::uint8_t> gray(kWidth, kHeight, 128);
+  const Image<std::uint8_t> gray(kSceneWidth, kSceneHeight, 128);
   test::Rng rng("wall");
   StaticWeightsWorkspace<S> workspace;
   for (int trial = 0; trial < 20; ++trial) {
@@ -197,20 +198,21 @@ TEST_CASE_TEMPLATE("before a wall, where F would be arbitrary, no match is judge
         Eigen::Vector3d(rng.uniform(-0.2, 0.2), rng.uniform(0.1, 0.2), rng.uniform(-0.1, 0.1)));
     const Eigen::Vector3d n_c = T.rotation_matrix() * normal;  // the plane in the current camera
     const double d_c = 2.0 + n_c.dot(T.translation());
-    Image<float> depth(kWidth, kHeight);
-    for (int v = 0; v < kHeight; ++v) {
-      for (int u = 0; u < kWidth; ++u) {
+    Image<float> depth(kSceneWidth, kSceneHeight);
+    for (int v = 0; v < kSceneHeight; ++v) {
+      for (int u = 0; u < kSceneWidth; ++u) {
         const Eigen::Vector3d ray = camera.ray({S(u), S(v)}).template cast<double>();
         depth(u, v) = static_cast<float>(d_c / n_c.dot(ray));
       }
     }
     std::vector<KeypointMatch<S>> matches;
     for (int k = 0; k < 200; ++k) {
-      const Eigen::Matrix<S, 2, 1> x(S(rng.uniform(8, kWidth - 8)), S(rng.uniform(8, kHeight - 8)));
+      const Eigen::Matrix<S, 2, 1> x(S(rng.uniform(8, kSceneWidth - 8)), S(rng.uniform(8, kSceneHeight - 8)));
       const Eigen::Matrix<S, 3, 1> ray = camera.ray(x);
       const S z = S(2.0 / normal.dot(ray.template cast<double>()));
       const auto x_m = camera.project(T.template cast<S>() * (ray * z));
-      if (!x_m || !(x_m->x() > 4 && x_m->y() > 4 && x_m->x() < kWidth - 4 && x_m->y() < kHeight - 4))
+      if (!x_m ||
+          !(x_m->x() > 4 && x_m->y() > 4 && x_m->x() < kSceneWidth - 4 && x_m->y() < kSceneHeight - 4))
         continue;
       const auto match = keypoint_match(
           camera, x, z,

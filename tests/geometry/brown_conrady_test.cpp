@@ -7,17 +7,17 @@
 
 #include "jacobian.hpp"
 #include "random.hpp"
+#include "tum_cameras.hpp"
 
 using namespace dynslam;
 
 namespace {
-const Pinhole<double> kFr1(517.306, 516.469, 318.643, 255.314);
 const BrownConrady<double> kFr1Lens(0.262383, -0.953104, -0.005358, 0.002628, 1.163314);
-const PinholeBrownConrady<double> kFr1Camera(kFr1, kFr1Lens);
+const PinholeBrownConrady<double> kFr1Camera(test::kFreiburg1, kFr1Lens);
 }  // namespace
 
 TEST_CASE_TEMPLATE("fr1's distortion is inverted over the whole image", S, float, double) {
-  const PinholeBrownConrady<S> camera(kFr1.cast<S>(), kFr1Lens.cast<S>());
+  const PinholeBrownConrady<S> camera(test::kFreiburg1.cast<S>(), kFr1Lens.cast<S>());
   int pixels = 0;
   for (int v = 0; v < 480; v += 4) {
     for (int u = 0; u < 640; u += 4) {

@@ -5,13 +5,13 @@
 
 #include <vector>
 
+#include "moved_camera.hpp"
 #include "random.hpp"
+#include "tum_cameras.hpp"
 
 using namespace dynslam;
 
 namespace {
-
-const Pinhole<double> kCamera(535.4, 539.2, 320.1, 247.6);
 
 struct Views {
   SE3d T_cur_ref;
@@ -22,7 +22,7 @@ Views make_views(test::Rng& rng, const SE3d& T, int n, double noise = 0.0) {
   Views views{T, {}, {}};
   while (static_cast<int>(views.x.size()) < n) {
     const Eigen::Vector2d x(rng.uniform(0, 640), rng.uniform(0, 480));
-    const auto x_m = kCamera.project(T * *kCamera.unproject(x, rng.uniform(1, 5)));
+    const auto x_m = test::kFreiburg3.project(T * *test::kFreiburg3.unproject(x, rng.uniform(1, 5)));
     if (!x_m) continue;
     views.x.push_back(x);
     views.x_m.push_back(*x_m + noise * Eigen::Vector2d(rng.normal(), rng.normal()));
@@ -30,18 +30,12 @@ Views make_views(test::Rng& rng, const SE3d& T, int n, double noise = 0.0) {
   return views;
 }
 
-SE3d moved(double tx, double ty, double tz, double angle) {
-  Eigen::Matrix<double, 6, 1> xi;
-  xi << tx, ty, tz, 0.3 * angle, angle, -0.2 * angle;
-  return SE3d::exp(xi);
-}
-
 }  // namespace
 
 TEST_CASE("F from the pose satisfies Eq (8) for projected points, and a moved point violates it") {
   test::Rng rng("fundamental from pose");
-  const Views v = make_views(rng, moved(0.2, 0.05, 0.03, 0.1), 100);
-  const Eigen::Matrix3d F = fundamental_from_pose(kCamera, kCamera, v.T_cur_ref);
+  const Views v = make_views(rng, test::moved(0.2, 0.05, 0.03, 0.1), 100);
+  const Eigen::Matrix3d F = fundamental_from_pose(test::kFreiburg3, test::kFreiburg3, v.T_cur_ref);
   for (std::size_t i = 0; i < v.x.size(); ++i) {
     CHECK(line_distance<double>(F, v.x[i], v.x_m[i]) < 1e-8);
     const Eigen::Vector3d line = epipolar_line<double>(F, v.x[i]);
@@ -54,7 +48,7 @@ TEST_CASE("F from the pose satisfies Eq (8) for projected points, and a moved po
 TEST_CASE("eight exact matches give the F of the pose, of rank two") {
   test::Rng rng("eight points");
   for (int k = 0; k < 20; ++k) {
-    const Views v = make_views(rng, moved(0.3, -0.1, 0.1, 0.2), 8 + k);
+    const Views v = make_views(rng, test::moved(0.3, -0.1, 0.1, 0.2), 8 + k);
     const auto F = fundamental_eight_point<double>(v.x, v.x_m);
     REQUIRE(F);
     CHECK(std::abs(F->determinant()) < 1e-12);
@@ -68,8 +62,8 @@ TEST_CASE("eight exact matches give the F of the pose, of rank two") {
 
 TEST_CASE("Sampson's distance approximates the smallest correction of both points") {
   test::Rng rng("sampson");
-  const Views v = make_views(rng, moved(0.3, 0.0, 0.1, 0.1), 30, 1.0);
-  const Eigen::Matrix3d F = fundamental_from_pose(kCamera, kCamera, v.T_cur_ref);
+  const Views v = make_views(rng, test::moved(0.3, 0.0, 0.1, 0.1), 30, 1.0);
+  const Eigen::Matrix3d F = fundamental_from_pose(test::kFreiburg3, test::kFreiburg3, v.T_cur_ref);
   for (std::size_t i = 0; i < v.x.size(); ++i) {
     // Brute force: move x on a fine grid; the rest of the correction is x_m's distance to its line.
     double best = 1e9;
@@ -86,8 +80,8 @@ TEST_CASE("Sampson's distance approximates the smallest correction of both point
 
 TEST_CASE("RANSAC finds the inliers among 40 % outliers, the same ones for the same seed") {
   test::Rng rng("ransac");
-  Views v = make_views(rng, moved(0.25, 0.05, -0.1, 0.1), 300, 0.3);
-  const Eigen::Matrix3d truth = fundamental_from_pose(kCamera, kCamera, v.T_cur_ref);
+  Views v = make_views(rng, test::moved(0.25, 0.05, -0.1, 0.1), 300, 0.3);
+  const Eigen::Matrix3d truth = fundamental_from_pose(test::kFreiburg3, test::kFreiburg3, v.T_cur_ref);
   for (std::size_t i = 0; i < 120; ++i) v.x_m[i] = {rng.uniform(0, 640), rng.uniform(0, 480)};
   FundamentalRansacOptions<double> options;
   options.threshold_px = 1.5;
@@ -110,11 +104,11 @@ TEST_CASE("pure rotation and a tiny translation are degenerate, a real baseline 
   test::Rng rng("baseline");
   const auto verdict = [&](const SE3d& T) {
     const Views v = make_views(rng, T, 100, 0.2);
-    return baseline_verdict<double>(v.x, v.x_m, kCamera, T.so3(), 2.0);
+    return baseline_verdict<double>(v.x, v.x_m, test::kFreiburg3, T.so3(), 2.0);
   };
-  CHECK(verdict(moved(0, 0, 0, 0.2)) == Baseline::degenerate);
-  CHECK(verdict(moved(0.002, 0, 0, 0.1)) == Baseline::degenerate);
-  CHECK(verdict(moved(0.1, 0, 0, 0.1)) == Baseline::sufficient);
+  CHECK(verdict(test::moved(0, 0, 0, 0.2)) == Baseline::degenerate);
+  CHECK(verdict(test::moved(0.002, 0, 0, 0.1)) == Baseline::degenerate);
+  CHECK(verdict(test::moved(0.1, 0, 0, 0.1)) == Baseline::sufficient);
 }
 
 TEST_CASE("random matches give no consensus") {
@@ -136,8 +130,8 @@ TEST_CASE_TEMPLATE("good scenes are solved in every scalar: eight points, a hund
   int refused_few = 0, refused_many = 0, refused_ransac = 0, far = 0;
   RansacWorkspace workspace;
   for (int k = 0; k < 300; ++k) {
-    const SE3d T =
-        moved(rng.uniform(0.1, 0.4), rng.uniform(-0.2, 0.2), rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2));
+    const SE3d T = test::moved(rng.uniform(0.1, 0.4), rng.uniform(-0.2, 0.2), rng.uniform(-0.1, 0.1),
+                               rng.uniform(-0.2, 0.2));
     const Views v = make_views(rng, T, 100);
     std::vector<Eigen::Matrix<S, 2, 1>> x, x_m;
     for (std::size_t i = 0; i < v.x.size(); ++i) {
@@ -159,7 +153,7 @@ TEST_CASE_TEMPLATE("good scenes are solved in every scalar: eight points, a hund
   CHECK(refused_ransac == 0);
   CHECK(far == 0);
   // What leaves more than one F is refused still: no baseline.
-  const Views still = make_views(rng, moved(0, 0, 0, 0.2), 50);
+  const Views still = make_views(rng, test::moved(0, 0, 0, 0.2), 50);
   std::vector<Eigen::Matrix<S, 2, 1>> x, x_m;
   for (std::size_t i = 0; i < still.x.size(); ++i) {
     x.push_back(still.x[i].cast<S>());

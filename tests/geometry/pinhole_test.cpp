@@ -7,16 +7,15 @@
 
 #include "jacobian.hpp"
 #include "random.hpp"
+#include "tum_cameras.hpp"
 
 using namespace dynslam;
 
-namespace {
-const Pinhole<double> kFr1(517.306, 516.469, 318.643, 255.314);
-}  // namespace
+namespace {}  // namespace
 
 TEST_CASE_TEMPLATE("unproject inverts project (Eqs 1 and 2)", S, float, double) {
   test::Rng rng("pinhole");
-  const auto camera = kFr1.cast<S>();
+  const auto camera = test::kFreiburg1.cast<S>();
   for (int k = 0; k < 500; ++k) {
     const Eigen::Matrix<S, 2, 1> x(static_cast<S>(rng.uniform(0, 640)), static_cast<S>(rng.uniform(0, 480)));
     const S z = static_cast<S>(rng.uniform(0.3, 8));
@@ -32,12 +31,12 @@ TEST_CASE_TEMPLATE("unproject inverts project (Eqs 1 and 2)", S, float, double) 
 TEST_CASE("the projection's Jacobian equals central differences and dual numbers") {
   test::Rng rng("pinhole jacobian");
   using Dual = Eigen::AutoDiffScalar<Eigen::Vector3d>;
-  const Pinhole<Dual> dual_camera = kFr1.cast<Dual>();
+  const Pinhole<Dual> dual_camera = test::kFreiburg1.cast<Dual>();
   for (int k = 0; k < 200; ++k) {
     const Eigen::Vector3d p(rng.uniform(-2, 2), rng.uniform(-2, 2), rng.uniform(0.4, 6));
     Pinhole<double>::Jacobian J;
-    REQUIRE(kFr1.project(p, &J));
-    const auto f = [](const Eigen::Vector3d& q) -> Eigen::Vector2d { return *kFr1.project(q); };
+    REQUIRE(test::kFreiburg1.project(p, &J));
+    const auto f = [](const Eigen::Vector3d& q) -> Eigen::Vector2d { return *test::kFreiburg1.project(q); };
     const Eigen::Matrix<double, 2, 3> numeric = test::central_differences<2, 3>(f, p);
     CHECK(test::relative_error(J, numeric) < 1e-7);
     Eigen::Matrix<Dual, 3, 1> dual;
@@ -49,8 +48,8 @@ TEST_CASE("the projection's Jacobian equals central differences and dual numbers
   // Negative control: the checker must see one flipped sign.
   Pinhole<double>::Jacobian J;
   const Eigen::Vector3d p(0.5, 0.4, 2);
-  (void)kFr1.project(p, &J);
+  (void)test::kFreiburg1.project(p, &J);
   J(0, 2) = -J(0, 2);
-  const auto f = [](const Eigen::Vector3d& q) -> Eigen::Vector2d { return *kFr1.project(q); };
+  const auto f = [](const Eigen::Vector3d& q) -> Eigen::Vector2d { return *test::kFreiburg1.project(q); };
   CHECK(test::relative_error(J, test::central_differences<2, 3>(f, p)) > 0.01);
 }

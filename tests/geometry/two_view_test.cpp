@@ -9,7 +9,9 @@
 #include "dynslam/geometry/brown_conrady.hpp"
 #include "dynslam/geometry/kannala_brandt.hpp"
 #include "dynslam/geometry/se3.hpp"
+#include "moved_camera.hpp"
 #include "random.hpp"
+#include "tum_cameras.hpp"
 
 using namespace dynslam;
 
@@ -18,7 +20,7 @@ namespace {
 enum class Scene { room, plane };
 
 template <class C>
-struct Views {
+struct MatchedViews {
   using S = typename C::ScalarType;
   std::vector<Eigen::Matrix<S, 2, 1>> x, x_m;
   std::size_t outliers = 0;  // the first ones
@@ -26,9 +28,10 @@ struct Views {
 
 /// Matches with 0.3 px of noise; the first ones are wrong by anything.
 template <class C>
-Views<C> make_views(test::Rng& rng, const C& camera, Scene scene, const SE3d& T, int n, double outliers) {
+MatchedViews<C> make_views(test::Rng& rng, const C& camera, Scene scene, const SE3d& T, int n,
+                           double outliers) {
   using S = typename C::ScalarType;
-  Views<C> views;
+  MatchedViews<C> views;
   const SE3<S> motion = T.cast<S>();
   const Eigen::Vector3d normal = Eigen::Vector3d(0.2, -0.1, 1).normalized();
   views.outliers = static_cast<std::size_t>(outliers * n);
@@ -45,12 +48,6 @@ Views<C> make_views(test::Rng& rng, const C& camera, Scene scene, const SE3d& T,
     if (views.x.size() <= views.outliers) views.x_m.back() = {S(rng.uniform(0, 640)), S(rng.uniform(0, 480))};
   }
   return views;
-}
-
-SE3d moved(double tx, double ty, double tz, double angle) {
-  Eigen::Matrix<double, 6, 1> xi;
-  xi << tx, ty, tz, 0.3 * angle, angle, -0.2 * angle;
-  return SE3d::exp(xi);
 }
 
 struct Tally {
@@ -70,7 +67,7 @@ Tally try_scenes(const std::string& name, const C& camera, Scene scene, double b
   for (int k = 0; k < 20; ++k) {
     const double a = rng.uniform(-3, 3);
     const SE3d T =
-        moved(baseline * std::cos(a), baseline * std::sin(a), 0.2 * baseline, rng.uniform(-0.06, 0.06));
+        test::moved(baseline * std::cos(a), baseline * std::sin(a), 0.2 * baseline, rng.uniform(-0.06, 0.06));
     const auto v = make_views(rng, camera, scene, T, 200, outliers);
     using Points = std::span<const Eigen::Matrix<S, 2, 1>>;
     const auto found = two_view_geometry(camera, Points(v.x), Points(v.x_m), options, workspace);
@@ -85,16 +82,13 @@ Tally try_scenes(const std::string& name, const C& camera, Scene scene, double b
   return tally;
 }
 
-template <class S>
-const Pinhole<S> kCamera(S(535.4), S(539.2), S(320.1), S(247.6));
-
 }  // namespace
 
 TEST_CASE_TEMPLATE("a plane is a homography, with up to 40 % outliers (F misplaced its static points)", S,
                    float, double) {
   for (const double outliers : {0.0, 0.2, 0.4}) {
     CAPTURE(outliers);
-    const Tally t = try_scenes("plane", kCamera<S>, Scene::plane, 0.2, outliers);
+    const Tally t = try_scenes("plane", test::kFreiburg3.cast<S>(), Scene::plane, 0.2, outliers);
     CHECK(t.homography >= 19);
     CHECK(t.accused * 100 < t.judged);
   }
@@ -104,7 +98,7 @@ TEST_CASE_TEMPLATE("a room seen from two places is a fundamental matrix, with up
                    double) {
   for (const double outliers : {0.0, 0.2, 0.4}) {
     CAPTURE(outliers);
-    const Tally t = try_scenes("room", kCamera<S>, Scene::room, 0.25, outliers);
+    const Tally t = try_scenes("room", test::kFreiburg3.cast<S>(), Scene::room, 0.25, outliers);
     CHECK(t.fundamental >= 19);
     CHECK(t.accused * 50 < t.judged);
   }
@@ -115,7 +109,7 @@ TEST_CASE_TEMPLATE("pure rotation and a hair of a baseline are homographies", S,
     for (const double outliers : {0.0, 0.4}) {
       CAPTURE(baseline);
       CAPTURE(outliers);
-      const Tally t = try_scenes("rotation", kCamera<S>, Scene::room, baseline, outliers);
+      const Tally t = try_scenes("rotation", test::kFreiburg3.cast<S>(), Scene::room, baseline, outliers);
       CHECK(t.homography >= 19);
       CHECK(t.accused * 100 < t.judged);
     }
@@ -135,11 +129,11 @@ TEST_CASE_TEMPLATE("the verdict is reached through lenses of any kind", S, float
 
 TEST_CASE("matches that share nothing, and too few, have no model and no distances") {
   test::Rng rng("nothing");
-  const auto v = make_views(rng, kCamera<double>, Scene::room, SE3d(), 60, 1.0);
+  const auto v = make_views(rng, test::kFreiburg3, Scene::room, SE3d(), 60, 1.0);
   using Points = std::span<const Eigen::Vector2d>;
-  const auto random = two_view_geometry(kCamera<double>, Points(v.x), Points(v.x_m));
+  const auto random = two_view_geometry(test::kFreiburg3, Points(v.x), Points(v.x_m));
   CHECK_FALSE(random.ok());
   CHECK(std::isnan(random.distance_px[0]));
-  CHECK_FALSE(two_view_geometry(kCamera<double>, Points(v.x).first(5), Points(v.x_m).first(5)).ok());
-  CHECK_FALSE(two_view_geometry(kCamera<double>, Points(), Points()).ok());
+  CHECK_FALSE(two_view_geometry(test::kFreiburg3, Points(v.x).first(5), Points(v.x_m).first(5)).ok());
+  CHECK_FALSE(two_view_geometry(test::kFreiburg3, Points(), Points()).ok());
 }

@@ -17,7 +17,7 @@ using namespace dynslam;
 
 namespace {
 
-constexpr int kWidth = 640, kHeight = 480;
+constexpr int kImageWidth = 640, kImageHeight = 480;
 
 /// Frames that see given points, in the pixels of a camera.
 template <class Camera>
@@ -32,9 +32,9 @@ struct Sights {
 
   Sights() {
     test::Rng rng("point maker");
-    Image<std::uint8_t> gray(kWidth, kHeight);
-    for (int v = 0; v < kHeight; ++v) {
-      for (int u = 0; u < kWidth; ++u) gray(u, v) = static_cast<std::uint8_t>(rng.integer(0, 255));
+    Image<std::uint8_t> gray(kImageWidth, kImageHeight);
+    for (int v = 0; v < kImageHeight; ++v) {
+      for (int u = 0; u < kImageWidth; ++u) gray(u, v) = static_cast<std::uint8_t>(rng.integer(0, 255));
     }
     pyramid.build(gray, 2);
     for (int y = -2; y <= 2; ++y) {
@@ -71,7 +71,7 @@ TEST_CASE_TEMPLATE("points stand where any camera's features show them, with a p
   const Sights<Camera> sights;
   const SE3<S> T_c_w(SO3<S>::exp(Vector3(S(0.05), S(-0.1), S(0.02))), Vector3(S(0.1), S(-0.05), S(0.2)));
   typename Sights<Camera>::Map map;
-  PointMaker<S, Camera> maker(sights.camera, kWidth, kHeight);
+  PointMaker<S, Camera> maker(sights.camera, kImageWidth, kImageHeight);
   Frame<S> frame = sights.frame(T_c_w);
   maker.trust_all(frame);
   REQUIRE(maker.make(map, sights.pyramid, frame) == static_cast<int>(sights.points.size()));
@@ -93,7 +93,7 @@ TEST_CASE_TEMPLATE("points become the mean of what the keyframes of any camera m
   typename Sights<Camera>::Map map;
   PointMakerOptions<S> options;
   options.average = true;
-  PointMaker<S, Camera> maker(sights.camera, kWidth, kHeight, options);
+  PointMaker<S, Camera> maker(sights.camera, kImageWidth, kImageHeight, options);
   Frame<S> first = sights.frame(SE3<S>());
   maker.trust_all(first);
   (void)maker.make(map, sights.pyramid, first);
@@ -127,7 +127,7 @@ TEST_CASE_TEMPLATE("a pixel without a ray makes no point and moves none", S, flo
   typename Sights<Camera>::Map map;
   PointMakerOptions<S> options;
   options.average = true;
-  PointMaker<S, Camera> maker(narrow, kWidth, kHeight, options);
+  PointMaker<S, Camera> maker(narrow, kImageWidth, kImageHeight, options);
   maker.trust_all(frame);
   CHECK(maker.make(map, sights.pyramid, frame) == 1);
   CHECK(frame.point[0] == -1);
@@ -142,9 +142,9 @@ TEST_CASE_TEMPLATE("a pixel without a ray makes no point and moves none", S, flo
 
 TEST_CASE("the camera is deduced, and is the ideal pinhole where only the scalar is named") {
   const auto fisheye = test::feature_camera<test::EquidistantCamera<float>>();
-  CHECK(std::is_same_v<decltype(PointMaker(fisheye, kWidth, kHeight)),
+  CHECK(std::is_same_v<decltype(PointMaker(fisheye, kImageWidth, kImageHeight)),
                        PointMaker<float, test::EquidistantCamera<float>>>);
-  CHECK(std::is_same_v<decltype(PointMaker(fisheye, kWidth, kHeight, PointMakerOptions<float>{})),
+  CHECK(std::is_same_v<decltype(PointMaker(fisheye, kImageWidth, kImageHeight, PointMakerOptions<float>{})),
                        PointMaker<float, test::EquidistantCamera<float>>>);
   CHECK(std::is_same_v<PointMaker<double>, PointMaker<double, Pinhole<double>>>);
 }

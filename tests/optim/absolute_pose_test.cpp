@@ -7,12 +7,11 @@
 
 #include "dynslam/geometry/pinhole.hpp"
 #include "random.hpp"
+#include "tum_cameras.hpp"
 
 using namespace dynslam;
 
 namespace {
-
-const Pinhole<double> kCamera(535.4, 539.2, 320.1, 247.6);
 
 template <class S>
 std::vector<PoseObservation<S>> matches(test::Rng& rng, const SE3d& T_c_w, int good, int wrong,
@@ -21,7 +20,7 @@ std::vector<PoseObservation<S>> matches(test::Rng& rng, const SE3d& T_c_w, int g
   for (int k = 0; k < good + wrong; ++k) {
     const Eigen::Vector2d x(rng.uniform(0, 640), rng.uniform(0, 480));
     const double z = rng.uniform(1, 4), sigma = 0.004 + 0.008 * z * z;
-    Eigen::Vector3d p_w = T_c_w.inverse() * Eigen::Vector3d(kCamera.ray(x) * z);
+    Eigen::Vector3d p_w = T_c_w.inverse() * Eigen::Vector3d(test::kFreiburg3.ray(x) * z);
     if (k >= good) p_w = Eigen::Vector3d(rng.uniform(-2, 2), rng.uniform(-2, 2), rng.uniform(0, 4));
     const Eigen::Vector2d seen = x + Eigen::Vector2d(rng.normal(), rng.normal());
     PoseObservation<S> o;
@@ -48,13 +47,13 @@ TEST_CASE_TEMPLATE("the pose is found from scratch among four wrong matches in f
     for (int i = 0; i < 6; ++i) xi(i) = rng.uniform(-1.5, 1.5);
     const SE3d truth = SE3d::exp(xi);
     const auto all = matches<S>(rng, truth, 40, 160);
-    const auto found = absolute_pose<S>(kCamera.cast<S>(), all, options, ws);
+    const auto found = absolute_pose<S>(test::kFreiburg3.cast<S>(), all, options, ws);
     REQUIRE(found.ok());
     CHECK(found.inliers >= 15);
     const SE3d error = found.T_c_w.template cast<double>() * truth.inverse();
     CHECK(error.translation().norm() < 0.1);
     CHECK(error.so3().log().norm() < 0.05);
-    const auto again = absolute_pose<S>(kCamera.cast<S>(), all, options, ws);
+    const auto again = absolute_pose<S>(test::kFreiburg3.cast<S>(), all, options, ws);
     CHECK(again.T_c_w.matrix() == found.T_c_w.matrix());
     options.seed += 1;
   }
@@ -63,7 +62,7 @@ TEST_CASE_TEMPLATE("the pose is found from scratch among four wrong matches in f
 TEST_CASE_TEMPLATE("fewer samples do where most matches are right", S, float, double) {
   test::Rng rng("absolute pose early");
   AbsolutePoseWorkspace ws;
-  const auto found = absolute_pose<S>(kCamera.cast<S>(), matches<S>(rng, SE3d(), 95, 5), {}, ws);
+  const auto found = absolute_pose<S>(test::kFreiburg3.cast<S>(), matches<S>(rng, SE3d(), 95, 5), {}, ws);
   CHECK(found.ok());
   CHECK(found.hypotheses < 40);
 }
@@ -71,10 +70,11 @@ TEST_CASE_TEMPLATE("fewer samples do where most matches are right", S, float, do
 TEST_CASE_TEMPLATE("nothing is claimed without three measured points", S, float, double) {
   test::Rng rng("absolute pose nothing");
   AbsolutePoseWorkspace ws;
-  CHECK_FALSE(absolute_pose<S>(kCamera.cast<S>(), matches<S>(rng, SE3d(), 50, 0, false), {}, ws).ok());
-  CHECK_FALSE(absolute_pose<S>(kCamera.cast<S>(), matches<S>(rng, SE3d(), 2, 0), {}, ws).ok());
-  CHECK(absolute_pose<S>(kCamera.cast<S>(), matches<S>(rng, SE3d(), 2, 0)).status ==
+  CHECK_FALSE(
+      absolute_pose<S>(test::kFreiburg3.cast<S>(), matches<S>(rng, SE3d(), 50, 0, false), {}, ws).ok());
+  CHECK_FALSE(absolute_pose<S>(test::kFreiburg3.cast<S>(), matches<S>(rng, SE3d(), 2, 0), {}, ws).ok());
+  CHECK(absolute_pose<S>(test::kFreiburg3.cast<S>(), matches<S>(rng, SE3d(), 2, 0)).status ==
         AbsolutePoseStatus::too_few_observations);
   // A hundred wrong matches agree on next to nothing.
-  CHECK(absolute_pose<S>(kCamera.cast<S>(), matches<S>(rng, SE3d(), 0, 100), {}, ws).inliers < 10);
+  CHECK(absolute_pose<S>(test::kFreiburg3.cast<S>(), matches<S>(rng, SE3d(), 0, 100), {}, ws).inliers < 10);
 }

@@ -20,7 +20,7 @@ namespace {
 
 template <class S>
 std::vector<PoseObservation<S>> sights(test::Rng& rng, int n) {
-  const Pinhole<double> camera = test::kBundleCamera;
+  const Pinhole<double> camera = test::kFreiburg3;
   std::vector<PoseObservation<S>> all;
   for (int k = 0; k < n; ++k) {
     const Eigen::Vector2d x(rng.uniform(0, 640), rng.uniform(0, 480));
@@ -71,7 +71,7 @@ TEST_CASE_TEMPLATE("with a warm workspace the pose is found without allocation",
   test::Rng rng("pose allocation");
   const auto all = sights<S>(rng, 300);
   const std::vector<PoseObservation<S>> few(all.begin(), all.begin() + 100);
-  const Pinhole<S> camera = test::kBundleCamera.cast<S>();
+  const Pinhole<S> camera = test::kFreiburg3.cast<S>();
   const TDistribution<S> kernel(S(5));
   PoseWorkspace<S> workspace;
   PoseOptions<S> options;
@@ -89,7 +89,7 @@ TEST_CASE_TEMPLATE("with a warm workspace consensus and absolute pose allocate n
   test::Rng rng("consensus allocation");
   const auto all = sights<S>(rng, 200);
   const std::vector<S> weights(all.size(), S(1));
-  const Pinhole<S> camera = test::kBundleCamera.cast<S>();
+  const Pinhole<S> camera = test::kFreiburg3.cast<S>();
   PoseConsensusWorkspace flags;
   const auto consensus = [&] {
     CHECK(pose_consensus<S>(camera, all, weights, SE3<S>(), {}, {}, flags).inliers > 100);
@@ -107,8 +107,7 @@ TEST_CASE("with a warm workspace a window is adjusted without allocation") {
   const test::Window window = test::make_window(rng, 8, 100, 0.05);
   BundleWorkspace<double> workspace;
   const auto run = [&](test::Window& w) {
-    CHECK(bundle_adjust<double>(test::kBundleCamera, w.problem(), {}, TDistribution<double>(5), workspace)
-              .ok());
+    CHECK(bundle_adjust<double>(test::kFreiburg3, w.problem(), {}, TDistribution<double>(5), workspace).ok());
   };
   test::Window first = window, second = window;
   if (test::counts_allocations()) CHECK(test::allocations_of([&] { run(first); }) > 0);

@@ -15,20 +15,19 @@
 #include "dynslam/optim/pose_consensus.hpp"
 #include "random.hpp"
 #include "test_cameras.hpp"
+#include "tum_cameras.hpp"
 
 using namespace dynslam;
 
 namespace {
 
-const Pinhole<double> kPinhole(535.4, 539.2, 320.1, 247.6);
-
 template <class Camera>
 Camera make() {
   using S = typename Camera::ScalarType;
   if constexpr (std::same_as<Camera, Pinhole<S>>) {
-    return kPinhole.cast<S>();
+    return test::kFreiburg3.cast<S>();
   } else if constexpr (std::same_as<Camera, PinholeBrownConrady<S>>) {
-    return PinholeBrownConrady<S>(kPinhole.cast<S>(),
+    return PinholeBrownConrady<S>(test::kFreiburg3.cast<S>(),
                                   BrownConrady<S>(S(-0.2), S(0.05), S(0.001), S(-0.002), S(0)));
   } else if constexpr (std::same_as<Camera, KannalaBrandt<S>>) {
     return KannalaBrandt<S>(S(330), S(332), S(320), S(240),

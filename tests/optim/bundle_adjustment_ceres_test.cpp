@@ -13,13 +13,13 @@ TEST_CASE("the final cost is Ceres' on the same windows") {
   for (int trial = 0; trial < 4; ++trial) {
     CAPTURE(trial);
     test::Window w = test::make_window(rng, 6 + 2 * trial, 150, 0.05);
-    const double oracle = test::ceres_bundle_cost(test::kBundleCamera, w.problem(), 5);
+    const double oracle = test::ceres_bundle_cost(test::kFreiburg3, w.problem(), 5);
     BundleWorkspace<double> workspace;
     BundleOptions<double> options;
     options.max_iterations = 100;
     options.tolerance = 1e-12;
     const auto result =
-        bundle_adjust<double>(test::kBundleCamera, w.problem(), options, TDistribution<double>(5), workspace);
+        bundle_adjust<double>(test::kFreiburg3, w.problem(), options, TDistribution<double>(5), workspace);
     CHECK(result.status == BundleStatus::converged);
     CHECK(result.final_cost == doctest::Approx(oracle).epsilon(1e-6));
     CHECK(w.pose_error() < 0.01);

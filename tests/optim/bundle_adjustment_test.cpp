@@ -19,8 +19,6 @@ namespace {
 using test::make_window;
 using test::Window;
 
-const Pinhole<double>& kCamera = test::kBundleCamera;
-
 }  // namespace
 
 TEST_CASE("without noise the window is restored to rounding") {
@@ -31,7 +29,7 @@ TEST_CASE("without noise the window is restored to rounding") {
   options.max_iterations = 40;
   options.tolerance = 1e-16;
   const auto result =
-      bundle_adjust<double>(kCamera, w.problem(), options, TDistribution<double>(5), workspace);
+      bundle_adjust<double>(test::kFreiburg3, w.problem(), options, TDistribution<double>(5), workspace);
   CHECK(result.ok());
   CHECK(result.final_cost < 1e-12 * result.initial_cost);
   CHECK(w.pose_error() < 1e-7);
@@ -45,7 +43,8 @@ TEST_CASE("fixed poses do not move, unobserved points stay, the status is honest
   BundleWorkspace<double> workspace;
   BundleOptions<double> one;
   one.max_iterations = 1;
-  const auto result = bundle_adjust<double>(kCamera, w.problem(), one, TDistribution<double>(5), workspace);
+  const auto result =
+      bundle_adjust<double>(test::kFreiburg3, w.problem(), one, TDistribution<double>(5), workspace);
   CHECK(result.status == BundleStatus::max_iterations);
   CHECK(result.final_cost < result.initial_cost);
   CHECK(w.poses[0].matrix() == before.poses[0].matrix());
@@ -53,21 +52,21 @@ TEST_CASE("fixed poses do not move, unobserved points stay, the status is honest
 
   Window all_free = before;
   std::fill(all_free.fixed.begin(), all_free.fixed.end(), std::uint8_t{0});
-  CHECK(bundle_adjust<double>(kCamera, all_free.problem(), {}, TDistribution<double>(5), workspace).status ==
-        BundleStatus::no_gauge);
+  CHECK(bundle_adjust<double>(test::kFreiburg3, all_free.problem(), {}, TDistribution<double>(5), workspace)
+            .status == BundleStatus::no_gauge);
   Window all_fixed = before;
   std::fill(all_fixed.fixed.begin(), all_fixed.fixed.end(), std::uint8_t{1});
-  CHECK(bundle_adjust<double>(kCamera, all_fixed.problem(), {}, TDistribution<double>(5), workspace).status ==
-        BundleStatus::no_free_pose);
+  CHECK(bundle_adjust<double>(test::kFreiburg3, all_fixed.problem(), {}, TDistribution<double>(5), workspace)
+            .status == BundleStatus::no_free_pose);
   Window unsorted = before;
   std::swap(unsorted.observations.front(), unsorted.observations.back());
-  CHECK(bundle_adjust<double>(kCamera, unsorted.problem(), {}, TDistribution<double>(5), workspace).status ==
-        BundleStatus::bad_input);
+  CHECK(bundle_adjust<double>(test::kFreiburg3, unsorted.problem(), {}, TDistribution<double>(5), workspace)
+            .status == BundleStatus::bad_input);
   Window nan = before;
   nan.observations[0].x.x() = std::nan("");
   nan.points[0] = Eigen::Vector3d(0, 0, -3);  // also where it does not count yet
-  CHECK(bundle_adjust<double>(kCamera, nan.problem(), {}, TDistribution<double>(5), workspace).status ==
-        BundleStatus::bad_input);
+  CHECK(bundle_adjust<double>(test::kFreiburg3, nan.problem(), {}, TDistribution<double>(5), workspace)
+            .status == BundleStatus::bad_input);
 }
 
 TEST_CASE("a reused workspace gives the same result") {
@@ -75,9 +74,9 @@ TEST_CASE("a reused workspace gives the same result") {
   Window w = make_window(rng, 6, 100, 0.05), small = make_window(rng, 4, 30, 0);
   Window again = w;
   BundleWorkspace<double> workspace;
-  (void)bundle_adjust<double>(kCamera, w.problem(), {}, TDistribution<double>(5), workspace);
-  (void)bundle_adjust<double>(kCamera, small.problem(), {}, TDistribution<double>(5), workspace);
-  (void)bundle_adjust<double>(kCamera, again.problem(), {}, TDistribution<double>(5), workspace);
+  (void)bundle_adjust<double>(test::kFreiburg3, w.problem(), {}, TDistribution<double>(5), workspace);
+  (void)bundle_adjust<double>(test::kFreiburg3, small.problem(), {}, TDistribution<double>(5), workspace);
+  (void)bundle_adjust<double>(test::kFreiburg3, again.problem(), {}, TDistribution<double>(5), workspace);
   for (std::size_t i = 0; i < w.poses.size(); ++i)
     CHECK(w.poses[i].translation() == again.poses[i].translation());
 }
@@ -102,7 +101,7 @@ Window two_views(test::Rng& rng) {
       BundleObservation<double> o;
       o.pose = i;
       o.point = static_cast<int>(w.points.size());
-      o.x = *kCamera.project(w.truth[static_cast<std::size_t>(i)] * p) +
+      o.x = *test::kFreiburg3.project(w.truth[static_cast<std::size_t>(i)] * p) +
             Eigen::Vector2d(rng.normal(), rng.normal());
       w.observations.push_back(o);
     }
@@ -126,8 +125,8 @@ int hidden(const Window& w, std::size_t count) {
   int n = 0;
   for (std::size_t k = 0; k < count; ++k) {
     const auto& o = w.observations[k];
-    n += kCamera.project(w.poses[static_cast<std::size_t>(o.pose)] *
-                         w.points[static_cast<std::size_t>(o.point)])
+    n += test::kFreiburg3.project(w.poses[static_cast<std::size_t>(o.pose)] *
+                                  w.points[static_cast<std::size_t>(o.point)])
              ? 0
              : 1;
   }
@@ -148,7 +147,7 @@ TEST_CASE("two views with one unrelated sight behind a camera: no other point ma
     BundleOptions<double> options;
     options.max_iterations = 50;
     const auto result =
-        bundle_adjust<double>(kCamera, w.problem(), options, TDistribution<double>(5), workspace);
+        bundle_adjust<double>(test::kFreiburg3, w.problem(), options, TDistribution<double>(5), workspace);
     CHECK(result.ok());
     CHECK(hidden(w, count) == 0);
   }
@@ -159,8 +158,10 @@ TEST_CASE("a sight behind its camera changes nothing for the others") {
   Window w = make_window(rng, 6, 100, 0.05), with = w;
   add_sight_behind(with, 3);
   BundleWorkspace<double> workspace;
-  const auto a = bundle_adjust<double>(kCamera, w.problem(), {}, TDistribution<double>(5), workspace);
-  const auto b = bundle_adjust<double>(kCamera, with.problem(), {}, TDistribution<double>(5), workspace);
+  const auto a =
+      bundle_adjust<double>(test::kFreiburg3, w.problem(), {}, TDistribution<double>(5), workspace);
+  const auto b =
+      bundle_adjust<double>(test::kFreiburg3, with.problem(), {}, TDistribution<double>(5), workspace);
   CHECK(a.status == b.status);
   CHECK(a.initial_cost == b.initial_cost);
   CHECK(a.final_cost == b.final_cost);
@@ -179,7 +180,8 @@ TEST_CASE("a sight that comes in front of its camera counts from then on") {
   BundleOptions<double> options;
   options.max_iterations = 100;
   options.tolerance = 1e-16;
-  const auto result = bundle_adjust<double>(kCamera, w.problem(), options, SquaredLoss<double>{}, workspace);
+  const auto result =
+      bundle_adjust<double>(test::kFreiburg3, w.problem(), options, SquaredLoss<double>{}, workspace);
   CHECK(result.ok());
   CHECK(hidden(w, w.observations.size()) == 0);
   CHECK(result.final_cost < 1e-9 * result.initial_cost);
@@ -201,7 +203,7 @@ TEST_CASE("in float, a window improves as in double") {
   BundleWorkspace<float> workspace;
   const BundleProblem<float> problem{poses, w.fixed, points, observations};
   const auto result =
-      bundle_adjust<float>(kCamera.cast<float>(), problem, {}, TDistribution<float>(5), workspace);
+      bundle_adjust<float>(test::kFreiburg3.cast<float>(), problem, {}, TDistribution<float>(5), workspace);
   CHECK(result.ok());
   double worst = 0;
   for (std::size_t i = 0; i < poses.size(); ++i)

@@ -7,12 +7,11 @@
 
 #include "dynslam/optim/pose.hpp"
 #include "random.hpp"
+#include "tum_cameras.hpp"
 
 using namespace dynslam;
 
 namespace {
-
-const Pinhole<double> kCamera(535.4, 539.2, 320.1, 247.6);
 
 struct Residual {
   PoseObservation<double> o;
@@ -22,8 +21,10 @@ struct Residual {
     T p[3];
     ceres::AngleAxisRotatePoint(angle_axis, p_w, p);
     for (int i = 0; i < 3; ++i) p[i] += translation[i];
-    r[0] = (kCamera.fx() * p[0] / p[2] + kCamera.cx() - o.x.x()) * std::sqrt(o.inv_sigma_px2);
-    r[1] = (kCamera.fy() * p[1] / p[2] + kCamera.cy() - o.x.y()) * std::sqrt(o.inv_sigma_px2);
+    r[0] =
+        (test::kFreiburg3.fx() * p[0] / p[2] + test::kFreiburg3.cx() - o.x.x()) * std::sqrt(o.inv_sigma_px2);
+    r[1] =
+        (test::kFreiburg3.fy() * p[1] / p[2] + test::kFreiburg3.cy() - o.x.y()) * std::sqrt(o.inv_sigma_px2);
     r[2] = (p[2] - o.depth) * std::sqrt(o.inv_sigma_z2);
     return true;
   }
@@ -40,7 +41,7 @@ TEST_CASE("the optimum is Ceres' optimum of the same robust cost") {
     for (int i = 0; i < 200; ++i) {
       const Eigen::Vector2d x(rng.uniform(0, 640), rng.uniform(0, 480));
       const double z = rng.uniform(1, 4);
-      const Eigen::Vector3d p_c = kCamera.ray(x) * z;
+      const Eigen::Vector3d p_c = test::kFreiburg3.ray(x) * z;
       const double gross = i < 30 ? 8.0 : 0.0;
       observations.push_back({truth.inverse() * p_c, x + Eigen::Vector2d(rng.normal() + gross, rng.normal()),
                               z + 0.02 * rng.normal(), 1.0, 2500.0});
@@ -50,8 +51,8 @@ TEST_CASE("the optimum is Ceres' optimum of the same robust cost") {
     options.max_iterations = 100;
     options.tolerance = 1e-12;
     PoseWorkspace<double> workspace;
-    const auto ours =
-        optimize_pose<double>(kCamera, observations, SE3d(), options, TDistribution<double>(5.0), workspace);
+    const auto ours = optimize_pose<double>(test::kFreiburg3, observations, SE3d(), options,
+                                            TDistribution<double>(5.0), workspace);
 
     double angle_axis[3] = {0, 0, 0}, translation[3] = {0, 0, 0};
     ceres::Problem problem;
@@ -88,15 +89,15 @@ TEST_CASE("residual and chi-square take Ceres' dual numbers") {
                                       Jet(o.inv_sigma_z2)};
     Eigen::Vector3d r;
     Eigen::Matrix<double, 3, 6> J;
-    REQUIRE(pose_residual<double>(kCamera, T, o, r, &J));
+    REQUIRE(pose_residual<double>(test::kFreiburg3, T, o, r, &J));
     Eigen::Matrix<Jet, 3, 1> dual;
-    REQUIRE(pose_residual<Jet>(kCamera.cast<Jet>(), varied, lifted, dual));
+    REQUIRE(pose_residual<Jet>(test::kFreiburg3.cast<Jet>(), varied, lifted, dual));
     for (int k = 0; k < 3; ++k) {
       CHECK(dual(k).a == doctest::Approx(r(k)));
       CHECK((dual(k).v.transpose() - J.row(k)).norm() < 1e-9 * (1 + J.row(k).norm()));
     }
-    CHECK(observation_chi2<Jet>(kCamera.cast<Jet>(), varied, lifted).a ==
-          doctest::Approx(observation_chi2<double>(kCamera, T, o)));
+    CHECK(observation_chi2<Jet>(test::kFreiburg3.cast<Jet>(), varied, lifted).a ==
+          doctest::Approx(observation_chi2<double>(test::kFreiburg3, T, o)));
   }
 }
 #else

@@ -17,7 +17,7 @@ using namespace dynslam;
 
 namespace {
 
-const Pinhole<double> kCamera(525, 525, 319.5, 239.5);
+const Pinhole<double> kRoomCamera(525, 525, 319.5, 239.5);
 
 /// A room three to five metres away seen by a camera that moved by `T`, and a box of the given number
 /// of points at arm's length that moved by its own.
@@ -30,11 +30,11 @@ std::vector<PoseObservation<S>> room_and_box(test::Rng& rng, const SE3d& T, int 
     const Eigen::Vector2d x = near ? Eigen::Vector2d(rng.uniform(60, 260), rng.uniform(250, 420))
                                    : Eigen::Vector2d(rng.uniform(10, 630), rng.uniform(10, 470));
     const double z = near ? rng.uniform(1.1, 1.4) : rng.uniform(3, 5);
-    const Eigen::Vector3d p_w = kCamera.ray(x) * z;
+    const Eigen::Vector3d p_w = kRoomCamera.ray(x) * z;
     const Eigen::Vector3d p_c = T * (near ? Eigen::Vector3d(p_w + moved) : p_w);
     PoseObservation<S> o;
     o.p_w = p_w.cast<S>();
-    o.x = (*kCamera.project(p_c) + 0.2 * Eigen::Vector2d(rng.normal(), rng.normal())).cast<S>();
+    o.x = (*kRoomCamera.project(p_c) + 0.2 * Eigen::Vector2d(rng.normal(), rng.normal())).cast<S>();
     const double sigma = 0.004 + 0.008 * z * z;
     o.depth = static_cast<S>(p_c.z() + 0.5 * sigma * rng.normal());
     o.inv_sigma_px2 = static_cast<S>(1 / (0.5 * 0.5));
@@ -58,12 +58,12 @@ TEST_CASE_TEMPLATE("the room wins over a carried box; the robust kernel alone co
     const SE3<S> still;
     PoseConsensusOptions<S> options;
     options.seed = static_cast<std::uint64_t>(trial);
-    const auto found = pose_consensus<S>(kCamera.cast<S>(), observations, still, options);
+    const auto found = pose_consensus<S>(kRoomCamera.cast<S>(), observations, still, options);
     CHECK(found.inliers > 150);
     worst = std::max(worst, (found.T_c_w.template cast<double>() * T.inverse()).translation().norm());
     PoseWorkspace<S> workspace;
     const auto kernel =
-        optimize_pose<S>(kCamera.cast<S>(), observations, still, {}, TDistribution<S>(S(5)), workspace);
+        optimize_pose<S>(kRoomCamera.cast<S>(), observations, still, {}, TDistribution<S>(S(5)), workspace);
     worst_kernel =
         std::max(worst_kernel, (kernel.T_c_w.template cast<double>() * T.inverse()).translation().norm());
   }
@@ -88,9 +88,9 @@ TEST_CASE_TEMPLATE("a poster with most of the features loses against the room be
     std::vector<S> weights;
     surface_weights<S>(640, 480, still, observations, surface, weights);
     const auto found =
-        pose_consensus<S>(kCamera.cast<S>(), observations, weights, still, {}, options, workspace);
+        pose_consensus<S>(kRoomCamera.cast<S>(), observations, weights, still, {}, options, workspace);
     CHECK((found.T_c_w.template cast<double>() * T.inverse()).translation().norm() < 0.012);
-    const auto counted = pose_consensus<S>(kCamera.cast<S>(), observations, still, options);
+    const auto counted = pose_consensus<S>(kRoomCamera.cast<S>(), observations, still, options);
     by_number += (counted.T_c_w.template cast<double>() * T.inverse()).translation().norm() < 0.012 ? 1 : 0;
   }
   CHECK(by_number == 0);  // features alone follow the poster
@@ -110,7 +110,7 @@ TEST_CASE_TEMPLATE("a leap that a few more matches speak for is not believed, on
   for (int trial = 0; trial < 20; ++trial) {
     free.seed = prior.seed = static_cast<std::uint64_t>(trial);
     const auto error = [&](const auto& observations, const PoseConsensusOptions<S>& options) {
-      const auto found = pose_consensus<S>(kCamera.cast<S>(), observations, still, options);
+      const auto found = pose_consensus<S>(kRoomCamera.cast<S>(), observations, still, options);
       return (found.T_c_w.template cast<double>() * T.inverse()).translation().norm();
     };
     const auto doubtful = room_and_box<S>(rng, T, 60, 70, leap);
@@ -129,7 +129,7 @@ TEST_CASE_TEMPLATE("surface weights are the places to which an observation is ne
     PoseObservation<S> o;
     o.x = Eigen::Vector2d(rng.uniform(0, 300), rng.uniform(0, 480)).cast<S>();  // none in the right half
     o.depth = k % 4 == 0 ? S(0) : static_cast<S>(rng.uniform(0.5, 8.0));
-    o.p_w = kCamera.cast<S>().ray(o.x) * (k % 4 == 0 ? S(2) : o.depth);
+    o.p_w = kRoomCamera.cast<S>().ray(o.x) * (k % 4 == 0 ? S(2) : o.depth);
     observations.push_back(o);
   }
   SurfaceOptions<S> options;
@@ -170,21 +170,21 @@ TEST_CASE_TEMPLATE(
   const SE3d T = SE3d::exp(xi);
   const SE3<S> still;
   auto observations = room_and_box<S>(rng, T, 100, 30);
-  const auto a = pose_consensus<S>(kCamera.cast<S>(), observations, still);
-  const auto b = pose_consensus<S>(kCamera.cast<S>(), observations, still);
+  const auto a = pose_consensus<S>(kRoomCamera.cast<S>(), observations, still);
+  const auto b = pose_consensus<S>(kRoomCamera.cast<S>(), observations, still);
   CHECK(a.T_c_w.translation() == b.T_c_w.translation());
   PoseConsensusOptions<S> none;
   PoseConsensusWorkspace workspace;
   const SE3<S> told_pose = T.cast<S>();
   none.hypotheses = 0;
-  const auto told = pose_consensus<S>(kCamera.cast<S>(), observations, {}, still,
+  const auto told = pose_consensus<S>(kRoomCamera.cast<S>(), observations, {}, still,
                                       std::span<const SE3<S>>(&told_pose, 1), none, workspace);
   CHECK(told.T_c_w.matrix() == told_pose.matrix());
   observations.resize(2);
-  const auto few = pose_consensus<S>(kCamera.cast<S>(), observations, still);
+  const auto few = pose_consensus<S>(kRoomCamera.cast<S>(), observations, still);
   CHECK(few.T_c_w.translation().norm() == 0);
   CHECK(few.status == PoseConsensusStatus::too_few_observations);
-  CHECK(pose_consensus<S>(kCamera.cast<S>(), {}, still).inliers == 0);
+  CHECK(pose_consensus<S>(kRoomCamera.cast<S>(), {}, still).inliers == 0);
 }
 
 TEST_CASE_TEMPLATE(
@@ -195,7 +195,7 @@ TEST_CASE_TEMPLATE(
   const SE3<S> still;
   PoseConsensusWorkspace workspace;
   const auto run = [&](const std::vector<S>& weights) {
-    return pose_consensus<S>(kCamera.cast<S>(), observations, weights, still, {}, {}, workspace);
+    return pose_consensus<S>(kRoomCamera.cast<S>(), observations, weights, still, {}, {}, workspace);
   };
   const auto good = run({});
   CHECK(good.ok());

@@ -21,6 +21,7 @@
 #include "jacobian.hpp"
 #include "random.hpp"
 #include "test_cameras.hpp"
+#include "tum_cameras.hpp"
 
 using namespace dynslam;
 
@@ -28,8 +29,8 @@ namespace {
 
 using Dual = Eigen::AutoDiffScalar<Eigen::Matrix<double, 6, 1>>;
 
-const Pinhole<double> kPinhole(535.4, 539.2, 320.1, 247.6);
-const PinholeBrownConrady<double> kLens(kPinhole, BrownConrady<double>(-0.2, 0.05, 0.001, -0.002, 0.01));
+const PinholeBrownConrady<double> kLens(test::kFreiburg3,
+                                        BrownConrady<double>(-0.2, 0.05, 0.001, -0.002, 0.01));
 const KannalaBrandt<double> kFisheye(330, 332, 320, 240, Eigen::Vector4d(-0.02, 0.005, -0.002, 0.0003));
 const test::Panorama<double> kPanorama(260, 320, 240);
 
@@ -101,7 +102,7 @@ void check_against_autodiff(const Camera& camera) {
 TEST_CASE(
     "residual, chi-square and normal equations of every camera are those of automatic differentiation") {
   SUBCASE("pinhole") {
-    check_against_autodiff(kPinhole);
+    check_against_autodiff(test::kFreiburg3);
   }
   SUBCASE("Brown-Conrady") {
     check_against_autodiff(kLens);
@@ -116,7 +117,7 @@ TEST_CASE(
 
 TEST_CASE_TEMPLATE("the equations for any camera agree with the pinhole's own", S, float, double) {
   test::Rng rng("disguised pinhole");
-  const Pinhole<S> camera = kPinhole.cast<S>();
+  const Pinhole<S> camera = test::kFreiburg3.cast<S>();
   const test::DisguisedPinhole<S> disguised(camera);
   PoseEquations<S> fast, general;
   for (int k = 0; k < 50; ++k) {
@@ -152,7 +153,8 @@ TEST_CASE("what a camera does not see is infinitely wrong") {
   PoseObservation<double> o;
   o.p_w = Eigen::Vector3d(0.1, 0.2, -2);
   o.x = Eigen::Vector2d(320, 240);
-  CHECK(std::isinf(observation_chi2<double>(kPinhole, SE3d(), o)));
-  CHECK(std::isinf(observation_chi2<Dual>(kPinhole.cast<Dual>(), SE3<Dual>(), lifted<Dual>(o)).value()));
+  CHECK(std::isinf(observation_chi2<double>(test::kFreiburg3, SE3d(), o)));
+  CHECK(std::isinf(
+      observation_chi2<Dual>(test::kFreiburg3.cast<Dual>(), SE3<Dual>(), lifted<Dual>(o)).value()));
   CHECK(std::isfinite(observation_chi2<double>(kPanorama, SE3d(), o)));  // it looks back
 }

@@ -11,12 +11,11 @@
 #include "dynslam/robust/kernels.hpp"
 #include "jacobian.hpp"
 #include "random.hpp"
+#include "tum_cameras.hpp"
 
 using namespace dynslam;
 
 namespace {
-
-const Pinhole<double> kCamera(535.4, 539.2, 320.1, 247.6);
 
 SE3d true_pose() {
   Eigen::Matrix<double, 6, 1> xi;
@@ -33,12 +32,13 @@ std::vector<PoseObservation<S>> observe(test::Rng& rng, int n, int outliers, dou
   for (int i = 0; i < n; ++i) {
     const Eigen::Vector2d x(rng.uniform(10, 630), rng.uniform(10, 470));
     const double z = rng.uniform(0.8, 4);
-    Eigen::Vector3d p_c = kCamera.ray(x) * z;
+    Eigen::Vector3d p_c = test::kFreiburg3.ray(x) * z;
     PoseObservation<S> o;
     o.p_w = (T.inverse() * p_c).cast<S>();
     if (i < outliers)
       p_c += Eigen::Vector3d(rng.uniform(0.2, 0.6), rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2));
-    o.x = (*kCamera.project(p_c) + pixel_noise * Eigen::Vector2d(rng.normal(), rng.normal())).cast<S>();
+    o.x = (*test::kFreiburg3.project(p_c) + pixel_noise * Eigen::Vector2d(rng.normal(), rng.normal()))
+              .cast<S>();
     o.depth = static_cast<S>(p_c.z() + depth_noise * rng.normal());
     o.inv_sigma_px2 = static_cast<S>(1 / std::max(1e-4, pixel_noise * pixel_noise));
     o.inv_sigma_z2 = static_cast<S>(1 / std::max(1e-6, depth_noise * depth_noise));
@@ -59,10 +59,10 @@ TEST_CASE("the residual's Jacobian equals central differences on the manifold; a
   for (const auto& o : observe<double>(rng, 100, 50, 1.0, 0.02)) {
     Eigen::Vector3d r;
     Eigen::Matrix<double, 3, 6> J;
-    REQUIRE(pose_residual<double>(kCamera, true_pose(), o, r, &J));
+    REQUIRE(pose_residual<double>(test::kFreiburg3, true_pose(), o, r, &J));
     const auto f = [&](const Eigen::Matrix<double, 6, 1>& delta) -> Eigen::Vector3d {
       Eigen::Vector3d value;
-      REQUIRE(pose_residual<double>(kCamera, SE3d::exp(delta) * true_pose(), o, value, nullptr));
+      REQUIRE(pose_residual<double>(test::kFreiburg3, SE3d::exp(delta) * true_pose(), o, value, nullptr));
       return value;
     };
     const Eigen::Matrix<double, 3, 6> numeric =
@@ -80,12 +80,12 @@ TEST_CASE("the normal equations of a pose equal those of its Jacobian's rows") {
   for (const auto& o : observe<double>(rng, 50, 20, 1.0, 0.02)) {
     Eigen::Vector3d r;
     Eigen::Matrix<double, 3, 6> J;
-    REQUIRE(pose_residual<double>(kCamera, true_pose(), o, r, &J));
+    REQUIRE(pose_residual<double>(test::kFreiburg3, true_pose(), o, r, &J));
     const double pixel = rng.uniform(0.1, 2), depth = rng.chance(0.3) ? 0.0 : rng.uniform(10, 1000);
     rows.add_row(J.row(0), r.x(), pixel);
     rows.add_row(J.row(1), r.y(), pixel);
     rows.add_row(J.row(2), r.z(), depth);
-    sums.add(kCamera, true_pose() * o.p_w, r, pixel, depth);
+    sums.add(test::kFreiburg3, true_pose() * o.p_w, r, pixel, depth);
   }
   sums.store(blocks);
   CHECK(test::relative_error(blocks.hessian(), rows.hessian()) < 1e-12);
@@ -96,8 +96,8 @@ TEST_CASE_TEMPLATE("the pose is recovered exactly from exact data, far from the 
   test::Rng rng("exact pose");
   const auto observations = observe<S>(rng, 200, 0, 0.0, 0.0);
   PoseWorkspace<S> workspace;
-  const auto result = optimize_pose<S>(kCamera.cast<S>(), observations, SE3<S>(), PoseOptions<S>{5, 20},
-                                       TDistribution<S>(S(5)), workspace);
+  const auto result = optimize_pose<S>(test::kFreiburg3.cast<S>(), observations, SE3<S>(),
+                                       PoseOptions<S>{5, 20}, TDistribution<S>(S(5)), workspace);
   CHECK(result.ok());
   CHECK(result.inliers == 200);
   CHECK(error(result.T_c_w) < (std::is_same_v<S, float> ? 1e-4 : 1e-8));
@@ -111,7 +111,7 @@ TEST_CASE("40 % of moved points neither bend the pose nor pass for inliers") {
       SE3d::exp((Eigen::Matrix<double, 6, 1>() << 0.05, 0.02, -0.03, 0.02, 0.01, -0.02).finished()) *
       true_pose();
   const auto result =
-      optimize_pose<double>(kCamera, observations, start, {}, TDistribution<double>(5.0), workspace);
+      optimize_pose<double>(test::kFreiburg3, observations, start, {}, TDistribution<double>(5.0), workspace);
   CHECK(result.ok());
   CHECK(error(result.T_c_w) < 2e-3);
   int accepted = 0, rejected = 0;
@@ -130,8 +130,8 @@ TEST_CASE("the covariance predicts the scatter of the estimates") {
   options.rounds = 1;
   for (int k = 0; k < kTrials; ++k) {
     const auto observations = observe<double>(rng, 120, 0, 1.0, 0.02);
-    const auto result =
-        optimize_pose<double>(kCamera, observations, true_pose(), options, SquaredLoss<double>{}, workspace);
+    const auto result = optimize_pose<double>(test::kFreiburg3, observations, true_pose(), options,
+                                              SquaredLoss<double>{}, workspace);
     const Eigen::Matrix<double, 6, 1> e = (result.T_c_w * true_pose().inverse()).log();
     scatter += e * e.transpose() / kTrials;
     predicted += result.covariance / kTrials;
@@ -146,9 +146,9 @@ TEST_CASE("depth settles what reprojection leaves open") {
   PoseWorkspace<double> workspace;
   PoseOptions<double> without;
   without.use_depth = false;
-  const auto a =
-      optimize_pose<double>(kCamera, observations, true_pose(), {}, TDistribution<double>(5.0), workspace);
-  const auto b = optimize_pose<double>(kCamera, observations, true_pose(), without,
+  const auto a = optimize_pose<double>(test::kFreiburg3, observations, true_pose(), {},
+                                       TDistribution<double>(5.0), workspace);
+  const auto b = optimize_pose<double>(test::kFreiburg3, observations, true_pose(), without,
                                        TDistribution<double>(5.0), workspace);
   CHECK(a.covariance(2, 2) < 0.25 * b.covariance(2, 2));
 }
@@ -158,17 +158,18 @@ TEST_CASE("bad input has its own status each") {
   PoseWorkspace<double> workspace;
   auto observations = observe<double>(rng, 30, 0, 1.0, 0.02);
   const TDistribution<double> kernel(5.0);
-  CHECK(optimize_pose<double>(kCamera, std::span(observations).first(3), SE3d(), {}, kernel, workspace)
-            .status == PoseStatus::too_few_observations);
+  CHECK(
+      optimize_pose<double>(test::kFreiburg3, std::span(observations).first(3), SE3d(), {}, kernel, workspace)
+          .status == PoseStatus::too_few_observations);
   std::vector<PoseObservation<double>> same(30, observations[0]);
   for (auto& o : same) o.depth = 0;
-  const auto degenerate = optimize_pose<double>(kCamera, same, true_pose(), {}, kernel, workspace);
+  const auto degenerate = optimize_pose<double>(test::kFreiburg3, same, true_pose(), {}, kernel, workspace);
   CHECK(degenerate.status == PoseStatus::degenerate);
   CHECK(degenerate.covariance.isZero());
   const SE3d turned(SO3d::exp(Eigen::Vector3d(0, 3.14, 0)), Eigen::Vector3d::Zero());
-  CHECK_FALSE(optimize_pose<double>(kCamera, observations, turned, {}, kernel, workspace).ok());
+  CHECK_FALSE(optimize_pose<double>(test::kFreiburg3, observations, turned, {}, kernel, workspace).ok());
   for (auto& o : observations) o.x.x() = std::nan("");
-  CHECK_FALSE(optimize_pose<double>(kCamera, observations, true_pose(), {}, kernel, workspace).ok());
+  CHECK_FALSE(optimize_pose<double>(test::kFreiburg3, observations, true_pose(), {}, kernel, workspace).ok());
 }
 
 TEST_CASE("pixel noise that was stated four times too large is noticed: movers nearby are outliers again") {
@@ -179,11 +180,11 @@ TEST_CASE("pixel noise that was stated four times too large is noticed: movers n
     observations[i].x += Eigen::Vector2d(1.8, 0);  // within 2.4 px, but no noise
   PoseWorkspace<double> workspace;
   PoseOptions<double> options;
-  const auto trusting =
-      optimize_pose<double>(kCamera, observations, true_pose(), options, TDistribution<double>(5), workspace);
+  const auto trusting = optimize_pose<double>(test::kFreiburg3, observations, true_pose(), options,
+                                              TDistribution<double>(5), workspace);
   options.min_pixel_scale = 0.2;
-  const auto estimating =
-      optimize_pose<double>(kCamera, observations, true_pose(), options, TDistribution<double>(5), workspace);
+  const auto estimating = optimize_pose<double>(test::kFreiburg3, observations, true_pose(), options,
+                                                TDistribution<double>(5), workspace);
   CHECK(estimating.inliers < 250);
   CHECK(trusting.inliers > 280);
   CHECK(error(estimating.T_c_w) < 0.5 * error(trusting.T_c_w));
@@ -197,7 +198,8 @@ TEST_CASE_TEMPLATE("flags, weights, inliers and status agree on every path: a fa
   int failures = 0;
   const auto check = [&](const std::vector<PoseObservation<S>>& observations, const SE3<S>& start,
                          PoseStatus expected, const PoseOptions<S>& options = {}) {
-    const auto result = optimize_pose<S>(kCamera.cast<S>(), observations, start, options, kernel, workspace);
+    const auto result =
+        optimize_pose<S>(test::kFreiburg3.cast<S>(), observations, start, options, kernel, workspace);
     CHECK(result.status == expected);
     REQUIRE(workspace.inlier.size() == observations.size());
     REQUIRE(workspace.weight.size() == observations.size());

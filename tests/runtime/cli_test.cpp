@@ -12,31 +12,14 @@
 #include <sstream>
 #include <string>
 
+#include "program.hpp"
 #include "run_fixture.hpp"
 #include "tum_fixture.hpp"
 
 #ifdef DYNSLAM_PROGRAM
+using dynslam::test::call, dynslam::test::ProgramResult, dynslam::test::shell;
+
 namespace {
-
-struct Result {
-  int code;
-  std::string out;  ///< stdout and stderr
-};
-
-Result shell(const std::string& command) {
-  FILE* pipe = popen(command.c_str(), "r");
-  REQUIRE(pipe != nullptr);
-  Result result;
-  std::array<char, 4096> buffer;
-  while (const std::size_t n = fread(buffer.data(), 1, buffer.size(), pipe))
-    result.out.append(buffer.data(), n);
-  result.code = WEXITSTATUS(pclose(pipe));
-  return result;
-}
-
-Result call(const std::string& arguments) {
-  return shell(std::string(DYNSLAM_PROGRAM) + " " + arguments + " 2>&1");
-}
 
 std::ptrdiff_t lines_with(const std::string& text, const std::string& part) {
   std::istringstream in(text);
@@ -46,7 +29,7 @@ std::ptrdiff_t lines_with(const std::string& text, const std::string& part) {
 }
 
 void check_one_line_error(const std::string& arguments, int code, const std::string& part) {
-  const Result r = call(arguments);
+  const ProgramResult r = call(arguments);
   CAPTURE(arguments);
   CAPTURE(r.out);
   CHECK(r.code == code);
@@ -60,7 +43,7 @@ void check_one_line_error(const std::string& arguments, int code, const std::str
 TEST_CASE("help and version succeed everywhere") {
   CHECK(call("--version").out.rfind("dynslam 0.", 0) == 0);
   for (const char* command : {"", "run", "eval", "eval-masks", "ablate", "synth"}) {
-    const Result r = call(std::string(command) + " --help");
+    const ProgramResult r = call(std::string(command) + " --help");
     CHECK(r.code == 0);
     CHECK(r.out.find("--help") != std::string::npos);
   }
@@ -105,8 +88,8 @@ TEST_CASE("errors are one line on stderr with a non-zero code") {
 TEST_CASE("a sequence is enough to start: no network means geometry, results have a place") {
   const dynslam::test::WalkingSequence sequence(4);
   const dynslam::test::TemporaryFolder folder;
-  const Result r = shell("cd " + folder.path.string() + " && " + DYNSLAM_PROGRAM + " run " +
-                         sequence.path.string() + "/ --no-map --no-loops");
+  const ProgramResult r = shell("cd " + folder.path.string() + " && " + DYNSLAM_PROGRAM + " run " +
+                                sequence.path.string() + "/ --no-map --no-loops");
   CHECK(r.code == 0);
   CHECK(r.out.find("found by its geometry alone (--dynamics geometric)") != std::string::npos);
   const auto out = folder.path / "results" / sequence.path.filename();
@@ -116,7 +99,7 @@ TEST_CASE("a sequence is enough to start: no network means geometry, results hav
 
 TEST_CASE("a sequence without anything to track ends with an error, and its files are there") {
   const dynslam::test::TumFixture tum(3);
-  const Result r =
+  const ProgramResult r =
       call("run " + tum.path.string() + " --out " + (tum.path / "o").string() + " --dynamics none");
   CHECK(r.code == 1);
   CHECK(r.out.find("no frame could be tracked") != std::string::npos);
@@ -135,7 +118,7 @@ TEST_CASE("eval prints the documented JSON, from options of a config file too") 
   }
   for (const std::string& arguments :
        {"eval " + gt + " " + gt + " --json", "eval --config " + config + " " + gt + " " + gt}) {
-    const Result r = call(arguments);
+    const ProgramResult r = call(arguments);
     CAPTURE(r.out);
     REQUIRE(r.code == 0);
     const auto json = nlohmann::json::parse(r.out);
@@ -191,7 +174,7 @@ TEST_CASE("a run says in one line what was broken, and how accurate it was") {
   for (const char* stamp : {"1000000.500000", "1000000.600000", "1000000.700000"}) {
     std::filesystem::resize_file(folder.path / "s" / "rgb" / (std::string(stamp) + ".png"), 5000);
   }
-  const Result r = call("run " + path + "/s --out " + path + "/o --dynamics none --map false");
+  const ProgramResult r = call("run " + path + "/s --out " + path + "/o --dynamics none --map false");
   CAPTURE(r.out);
   CHECK(r.code == 0);
   CHECK(lines_with(r.out, "warning") == 1);
@@ -208,7 +191,7 @@ TEST_CASE("an interrupted run keeps what it has and exits with 130") {
   const std::string path = folder.path.string();
   REQUIRE(call("synth " + path + "/s --frames 90 --path xyz --walkers 1").code == 0);
   // summary.json appears when the run begins.
-  const Result r =
+  const ProgramResult r =
       shell(std::string(DYNSLAM_PROGRAM) + " run " + path + "/s --out " + path +
             "/o --dynamics geometric 2>&1 & pid=$!; " + "for i in $(seq 3000); do [ -e " + path +
             "/o/summary.json ] && break; sleep 0.01; done; " + "sleep 0.1; kill -INT $pid; wait $pid");
@@ -226,7 +209,7 @@ TEST_CASE("synth and ablate work from end to end and leave the tables and pictur
   const dynslam::test::TemporaryFolder folder;
   const std::string path = folder.path.string();
   REQUIRE(call("synth " + path + "/s --frames 45 --path xyz --walkers 1").code == 0);
-  const Result r = call("ablate " + path + "/s --out " + path + "/o");
+  const ProgramResult r = call("ablate " + path + "/s --out " + path + "/o");
   CAPTURE(r.out);
   REQUIRE(r.code == 0);
   CHECK(r.out.find("Eq 13") != std::string::npos);
@@ -244,7 +227,7 @@ TEST_CASE("an ablation without masks runs what it can and says so; a camera at r
   const std::string path = folder.path.string();
   REQUIRE(call("synth " + path + "/s --frames 10 --path static --scenario empty").code == 0);
   std::filesystem::remove_all(folder.path / "s" / "label");
-  const Result r = call("ablate " + path + "/s --out " + path + "/o --map false");
+  const ProgramResult r = call("ablate " + path + "/s --out " + path + "/o --map false");
   CAPTURE(r.out);
   CHECK(r.code == 0);
   CHECK(r.out.find("semantic and both were not run") != std::string::npos);
@@ -258,7 +241,8 @@ namespace {
 
 /// Starts a run in the background and sends it a signal once its trajectory has some lines and its summary,
 /// which is written after it, some frames.
-Result run_and_signal(const std::string& path, const std::string& signal, const std::string& prefix = {}) {
+ProgramResult run_and_signal(const std::string& path, const std::string& signal,
+                             const std::string& prefix = {}) {
   return shell(prefix + std::string(DYNSLAM_PROGRAM) + " run " + path + "/s --out " + path +
                "/o --dynamics geometric --map false --save-every 0.1 > " + path + "/log 2>&1 & pid=$!; " +
                "for i in $(seq 3000); do [ \"$(cat " + path +
@@ -304,16 +288,17 @@ TEST_CASE("a disk that the masks fill has room for the trajectory, and the error
     return;
   }
   REQUIRE(call("synth " + path + "/s --frames 45 --path xyz").code == 0);
-  const Result r = shell(disk + DYNSLAM_PROGRAM + " run " + path + "/s --out " + path + "/o --masks " + path +
-                         "/s/instance --dynamics semantic --map false --save-masks; echo code $?; cp " +
-                         path + "/o/*.* " + path + "' 2>&1");
+  const ProgramResult r =
+      shell(disk + DYNSLAM_PROGRAM + " run " + path + "/s --out " + path + "/o --masks " + path +
+            "/s/instance --dynamics semantic --map false --save-masks; echo code $?; cp " + path + "/o/*.* " +
+            path + "' 2>&1");
   CAPTURE(r.out);
   CHECK(r.out.find("code 1") != std::string::npos);
   CHECK(r.out.find("No space left on device") != std::string::npos);
   std::ifstream in(path + "/summary.json");
   const auto summary = nlohmann::json::parse(in);
   CHECK(summary["tracked"].get<int>() > 3);
-  const Result lines = shell("grep -vc '^#' " + path + "/trajectory.txt");
+  const ProgramResult lines = shell("grep -vc '^#' " + path + "/trajectory.txt");
   CHECK(std::stoi(lines.out) == summary["tracked"].get<int>());
 }
 
@@ -351,9 +336,9 @@ TEST_CASE("memory that runs out is told in words") {
   const dynslam::test::TumFixture tum(3);
   const std::string path = tum.path.string();
   // A map that takes more than there is.
-  const Result r = shell("mkdir " + path + "/m; truncate -s 8G " + path +
-                         "/m/keyframes.bin; ulimit -v 4000000; " + DYNSLAM_PROGRAM + " run " + path +
-                         " --out " + path + "/o --dynamics none --load-map " + path + "/m 2>&1");
+  const ProgramResult r = shell("mkdir " + path + "/m; truncate -s 8G " + path +
+                                "/m/keyframes.bin; ulimit -v 4000000; " + DYNSLAM_PROGRAM + " run " + path +
+                                " --out " + path + "/o --dynamics none --load-map " + path + "/m 2>&1");
   CHECK(r.code == 1);
   CHECK(r.out == "dynslam: error: there is not enough memory\n");
 }

@@ -32,10 +32,6 @@ using test::bytes;
 
 namespace {
 
-void write(const fs::path& path, const std::string& content) {
-  std::ofstream(path, std::ios::binary) << content;
-}
-
 cv::Mat noise(int width, int height) {
   cv::Mat image(height, width, CV_8UC3);
   cv::RNG random(3);
@@ -53,15 +49,15 @@ TEST_CASE("a JPEG that is damaged in the middle is refused though its end marker
     std::vector<std::uint8_t> jpeg;
     cv::imencode(".jpg", noise(320, 240), jpeg, {cv::IMWRITE_JPEG_PROGRESSIVE, progressive ? 1 : 0});
     const std::string good(jpeg.begin(), jpeg.end());
-    write(path, good);
+    test::write_file(path, good);
     CHECK(read_image(path, cv::IMREAD_COLOR).size() == cv::Size(320, 240));
     std::string damaged = good;
     std::fill_n(damaged.begin() + static_cast<std::ptrdiff_t>(good.size() / 2), good.size() / 4, '\0');
-    write(path, damaged);
+    test::write_file(path, damaged);
     CHECK(mentions(error_of([&] { (void)read_image(path, cv::IMREAD_COLOR); }), "a.jpg: is damaged: "));
     damaged = good;
     damaged.erase(good.size() / 2, good.size() / 4);
-    write(path, damaged);
+    test::write_file(path, damaged);
     CHECK(mentions(error_of([&] { (void)read_image(path, cv::IMREAD_COLOR); }), "a.jpg: is damaged: "));
   }
 }
@@ -76,7 +72,7 @@ TEST_CASE("a file of some bytes that promises a huge image is refused before it 
     for (const unsigned n : {width, height}) {
       for (const unsigned shift : {24U, 16U, 8U, 0U}) content[at++] = static_cast<char>(n >> shift);
     }
-    write(path, content);
+    test::write_file(path, content);
     return error_of([&] { (void)read_image(path, cv::IMREAD_UNCHANGED); });
   };
   CHECK(mentions(set_size(30000, 30000), "bomb.png: is 30000x30000 pixels; at most 8192 a side are read"));
@@ -112,7 +108,7 @@ TEST_CASE("a damaged mask in the cache is asked of the network again, and replac
   const fs::path file = fs::directory_iterator(cache.path / "masks")->path();
   const std::string good = bytes(file);
   for (const std::string& bad : {good.substr(0, good.size() / 2), std::string(), std::string("junk")}) {
-    write(file, bad);
+    test::write_file(file, bad);
     CHECK(run() == expected);
     CHECK(bytes(file) == good);
   }
@@ -177,8 +173,8 @@ TEST_CASE("a model that takes its weights from outside its folder is refused, wh
   const test::TemporaryFolder folder;
   const fs::path model = folder.path / "net" / "m.onnx";
   fs::create_directories(model.parent_path());
-  write(folder.path / "secret.bin", std::string(4096, 's'));
-  write(model.parent_path() / "weights.bin", std::string(4096, 'w'));
+  test::write_file(folder.path / "secret.bin", std::string(4096, 's'));
+  test::write_file(model.parent_path() / "weights.bin", std::string(4096, 'w'));
   fs::create_symlink("../secret.bin", model.parent_path() / "link.bin");
   using test::Message;
   const auto tensor = [](const std::string& location) {
@@ -190,7 +186,7 @@ TEST_CASE("a model that takes its weights from outside its folder is refused, wh
         .number(14, 1);
   };
   const auto refusal = [&](const Message& graph) {
-    write(model, Message().number(1, 7).message(7, graph).text());
+    test::write_file(model, Message().number(1, 7).message(7, graph).text());
     return error_of([&] { (void)load_engine(model, EngineKind::opencv, 1); });
   };
   for (const std::string location : {"/etc/passwd", "../secret.bin", "link.bin", "a/../../secret.bin"}) {
@@ -204,7 +200,8 @@ TEST_CASE("a model that takes its weights from outside its folder is refused, wh
     const Message branch = Message().message(5, Message().message(6, Message().message(1, constant)));  // If
     CHECK(mentions(refusal(Message().message(1, branch)), expected));
     // Behind a group, which readers of protocol buffers skip.
-    write(model, "\x0b\x0c" + Message().number(1, 7).message(7, Message().message(5, weights)).text());
+    test::write_file(model,
+                     "\x0b\x0c" + Message().number(1, 7).message(7, Message().message(5, weights)).text());
     CHECK(mentions(error_of([&] { (void)load_engine(model, EngineKind::opencv, 1); }), expected));
   }
   CHECK_FALSE(mentions(refusal(Message().message(5, tensor("weights.bin"))), "outside its folder"));

@@ -11,7 +11,7 @@ using dynslam::runtime::LocalBundle, dynslam::runtime::LocalBundleOptions, dynsl
 
 namespace {
 
-const Pinhole<double> kCamera(525, 525, 319.5, 239.5);
+const Pinhole<double> kWindowCamera(525, 525, 319.5, 239.5);
 const DepthNoise<double> kNoise{0.004, 0.008};
 
 LocalMap make_map(test::Rng& rng) {
@@ -22,11 +22,11 @@ LocalMap make_map(test::Rng& rng) {
     (void)map.add_point(point);
   }
   for (int k = 0; k < 5; ++k) {
-    Frame<double> frame;
+    dynslam::Frame<double> frame;
     frame.T_c_w = SE3d(SO3d(), Eigen::Vector3d(0.05 * k, 0, 0));
     for (int j = 0; j < 200; ++j) {
       const Eigen::Vector3d p_c = frame.T_c_w * map.point(j).p_w;
-      const auto x = kCamera.project(p_c);
+      const auto x = kWindowCamera.project(p_c);
       if (!x) continue;
       Feature f;
       f.x = static_cast<float>(x->x() + rng.normal());
@@ -46,7 +46,7 @@ TEST_CASE("the thread's adjustment is that of the window it was started with, wh
   test::Rng rng("local bundle");
   LocalMap map = make_map(rng), expected = map;
   const LocalBundleOptions options;
-  LocalBundle bundle(kCamera, options);
+  LocalBundle bundle(kWindowCamera, options);
   bundle.start(map, kNoise);
   CHECK(bundle.pending());
   const SE3d D = bundle.apply(map);
@@ -55,10 +55,10 @@ TEST_CASE("the thread's adjustment is that of the window it was started with, wh
   BundleWindow<double> window(options);
   BundleWorkspace<double> workspace;
   window.collect(expected, kNoise);
-  REQUIRE(bundle_adjust<double>(kCamera, window.problem(), options.solver, TDistribution<double>(options.nu),
-                                workspace)
+  REQUIRE(bundle_adjust<double>(kWindowCamera, window.problem(), options.solver,
+                                TDistribution<double>(options.nu), workspace)
               .ok());
-  const SE3d D_expected = window.apply(kCamera, expected);
+  const SE3d D_expected = window.apply(kWindowCamera, expected);
   CHECK((D.matrix() - D_expected.matrix()).norm() == 0);
   for (std::size_t k = 0; k < expected.keyframes().size(); ++k)
     CHECK((map.keyframes()[k].frame.T_c_w.matrix() - expected.keyframes()[k].frame.T_c_w.matrix()).norm() ==

@@ -12,29 +12,15 @@
 #include <string>
 
 #include "dynslam/runtime/io/map_io.hpp"
+#include "program.hpp"
 #include "recorded_scans.hpp"
 #include "tum_fixture.hpp"
 
 #ifdef DYNSLAM_PROGRAM
 using namespace dynslam;
+using test::call, test::ProgramResult;
 
 namespace {
-
-struct Result {
-  int code;
-  std::string out;  ///< stdout and stderr
-};
-
-Result call(const std::string& arguments) {
-  FILE* pipe = popen((std::string(DYNSLAM_PROGRAM) + " " + arguments + " 2>&1").c_str(), "r");
-  REQUIRE(pipe != nullptr);
-  Result result;
-  std::array<char, 4096> buffer;
-  while (const std::size_t n = fread(buffer.data(), 1, buffer.size(), pipe))
-    result.out.append(buffer.data(), n);
-  result.code = WEXITSTATUS(pclose(pipe));
-  return result;
-}
 
 /// A table (class chair) and walls, see room_scans(); saved as map.ot.
 struct SavedMap : test::TemporaryFolder {
@@ -54,14 +40,14 @@ struct SavedMap : test::TemporaryFolder {
 
 TEST_CASE("map info and export") {
   const SavedMap saved;
-  const Result text = call("map info " + saved.map);
+  const ProgramResult text = call("map info " + saved.map);
   CHECK(text.code == 0);
   CHECK(text.out.find("chair") != std::string::npos);
   const auto json = nlohmann::json::parse(call("map info " + saved.map + " --json").out);
   CHECK(json["classes"]["chair"]["voxels"].get<int>() > 100);
   CHECK(json["resolution_m"] == 0.05);
   for (const char* name : {"c.ot", "b.bt", "p.ply", "s.txt", "s.json"}) {
-    const Result r = call("map export " + saved.map + " " + (saved.path / name).string());
+    const ProgramResult r = call("map export " + saved.map + " " + (saved.path / name).string());
     CHECK(r.code == 0);
     CHECK(r.out == "");
     CHECK(std::filesystem::file_size(saved.path / name) > 100);
@@ -76,7 +62,7 @@ TEST_CASE("map info and export") {
 TEST_CASE("map query answers about points, boxes, rays and obstacles, fine and coarse") {
   const SavedMap saved;
   const auto ask = [&](const std::string& question) {
-    const Result r = call("map query " + saved.map + " --json " + question);
+    const ProgramResult r = call("map query " + saved.map + " --json " + question);
     CAPTURE(question);
     CAPTURE(r.out);
     REQUIRE(r.code == 0);
@@ -109,7 +95,7 @@ TEST_CASE("numbers beyond all grids are answered or refused, never free") {
   for (const char* ray :
        {"--ray 0 0 0 1e300 0 0", "--ray 1e300 0 0 1 0 0", "--ray 0 0 0 1e308 1e308 1e308"}) {
     CAPTURE(ray);
-    const Result r = call(query + ray);
+    const ProgramResult r = call(query + ray);
     CHECK(r.code == 2);
     CHECK(r.out.find("free") == std::string::npos);
   }
@@ -124,7 +110,7 @@ TEST_CASE("mistakes with maps are one line and a non-zero code") {
   std::ofstream(folder + "/junk.ot") << "junk";
   CHECK(call("map export " + saved.map + " " + folder + "/colour.ot").code == 0);
   const auto fails = [](const std::string& arguments, int code, const std::string& part) {
-    const Result r = call(arguments);
+    const ProgramResult r = call(arguments);
     CAPTURE(arguments);
     CAPTURE(r.out);
     CHECK(r.code == code);

@@ -39,10 +39,6 @@ std::string read(const fs::path& path) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-void write(const fs::path& path, const std::string& text) {
-  std::ofstream(path, std::ios::binary) << text;
-}
-
 std::string refusal(const fs::path& path) {
   try {
     (void)load_map(path);
@@ -177,23 +173,23 @@ TEST_CASE("files that are no map, cut short or changed are refused in one line")
   CHECK(refusal(folder.path / "c.ot").find("ColorOcTree") != std::string::npos);
   export_map(tree, folder.path / "b.bt");
   CHECK(refusal(folder.path / "b.bt").find(".bt") != std::string::npos);
-  write(bad, std::string(10000, 'x'));
+  test::write_file(bad, std::string(10000, 'x'));
   CHECK(refusal(bad).find("is not an OctoMap file") != std::string::npos);
-  write(bad, "");
+  test::write_file(bad, "");
   CHECK(refusal(bad).find("is not an OctoMap file") != std::string::npos);
   for (const char* header :
        {"id SemanticOcTree\nsize 5\nres nan\ndata\n", "id SemanticOcTree\nsize 5\nres -1\ndata\n",
         "id SemanticOcTree\nsize 5\nres 0.1\n", "size 5\nres 0.1\ndata\n",
         "id SemanticOcTree\nsize 99999999999999999999999\nres 0.1\ndata\n"}) {
-    write(bad, std::string("# Octomap OcTree file\n") + header);
+    test::write_file(bad, std::string("# Octomap OcTree file\n") + header);
     CHECK(refusal(bad).rfind(bad.string() + ": ", 0) == 0);
   }
 
   const std::string whole = read(good);
-  write(bad, whole + "x");
+  test::write_file(bad, whole + "x");
   CHECK(refusal(bad).find("after its end") != std::string::npos);
   for (std::size_t n = 0; n < whole.size(); n += 1 + n / 20) {
-    write(bad, whole.substr(0, n));
+    test::write_file(bad, whole.substr(0, n));
     CHECK(refusal(bad) != "accepted");
   }
   // Changed bytes: a file is refused, or read as another valid map; never a crash, and every reason is one
@@ -207,7 +203,7 @@ TEST_CASE("files that are no map, cut short or changed are refused in one line")
       changed[static_cast<std::size_t>(rng.integer(0, static_cast<int>(changed.size()) - 1))] =
           static_cast<char>(rng.integer(0, 255));
     }
-    write(bad, changed);
+    test::write_file(bad, changed);
     const std::string reason = refusal(bad);
     refused += reason != "accepted" ? 1 : 0;
     CHECK(reason.find('\n') == std::string::npos);

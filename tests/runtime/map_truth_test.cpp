@@ -15,6 +15,7 @@
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 #include "dynslam/runtime/synth/synth.hpp"
 #include "map_truth.hpp"
+#include "tum_cameras.hpp"
 #include "tum_fixture.hpp"
 
 using namespace dynslam;
@@ -23,9 +24,6 @@ using namespace dynslam::runtime;
 namespace {
 
 constexpr int kWidth = 640, kHeight = 480;
-const Pinhole<double> kCamera(535.4, 539.2, 320.1,
-                              247.6);  // TUM fr3; the sensor's noise belongs to its resolution
-
 SE3<double> look_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& target) {
   const Eigen::Vector3d z = (target - eye).normalized(), x = z.cross(Eigen::Vector3d::UnitZ()).normalized();
   Eigen::Matrix3d R;
@@ -43,7 +41,7 @@ SE3<double> camera_at(double t) {
 /// Depth as the sensor measures it [m].
 cv::Mat noisy_depth(const synth::Rendering& exact, std::uint64_t seed) {
   synth::Random random(seed);
-  cv::Mat raw = synth::sense_depth(exact, kCamera.fx(), random), depth;
+  cv::Mat raw = synth::sense_depth(exact, test::kFreiburg3.fx(), random), depth;
   raw.convertTo(depth, CV_32FC1, 1.0 / 5000);
   depth.setTo(std::numeric_limits<double>::quiet_NaN(), raw == 0);
   return depth;
@@ -65,7 +63,8 @@ TEST_CASE("a walking sequence: surfaces are mapped, labels are right, walkers le
   synth_options.seed = 5;
   synth_options.walkers = 2;
   const synth::Scene scene(synth_options);
-  SemanticMapper mapper(PinholeBrownConrady<double>(kCamera), kWidth, kHeight, SemanticMapperOptions());
+  SemanticMapper mapper(PinholeBrownConrady<double>(test::kFreiburg3), kWidth, kHeight,
+                        SemanticMapperOptions());
   test::MapTruth truth(mapper.tree().grid());
   truth.add_static(scene.triangles(0.0));
   const cv::Mat margin = cv::getStructuringElement(cv::MORPH_RECT, {15, 15});  // the pipeline's
@@ -73,8 +72,9 @@ TEST_CASE("a walking sequence: surfaces are mapped, labels are right, walkers le
     const double t = 0.45 * i;
     const auto triangles = scene.triangles(t);
     const SE3<double> T_w_c = camera_at(t);
-    const auto exact = synth::render(triangles, scene.textures(), kCamera, T_w_c.inverse(), kWidth, kHeight);
-    truth.add_instant(triangles, exact, kCamera, T_w_c, SemanticMapperOptions().scan.max_range);
+    const auto exact =
+        synth::render(triangles, scene.textures(), test::kFreiburg3, T_w_c.inverse(), kWidth, kHeight);
+    truth.add_instant(triangles, exact, test::kFreiburg3, T_w_c, SemanticMapperOptions().scan.max_range);
     for (double dt = 0.05; dt < 0.45; dt += 0.05) truth.add_movers(scene.triangles(t + dt));
     cv::Mat movers;
     cv::dilate(exact.dynamic | (exact.label == static_cast<int>(Label::person)), movers, margin);
@@ -112,7 +112,8 @@ TEST_CASE("a person who stood there unmasked and left is gone; a chair pushed as
     }
     return triangles;
   };
-  SemanticMapper mapper(PinholeBrownConrady<double>(kCamera), kWidth, kHeight, SemanticMapperOptions());
+  SemanticMapper mapper(PinholeBrownConrady<double>(test::kFreiburg3), kWidth, kHeight,
+                        SemanticMapperOptions());
   const VoxelGrid grid = mapper.tree().grid();
   using Voxels = std::unordered_set<PackedKey>;
   const auto voxels_of = [&](bool pushed, auto&& wanted) {
@@ -146,7 +147,8 @@ TEST_CASE("a person who stood there unmasked and left is gone; a chair pushed as
   const auto insert = [&](int i, double t, bool pushed, bool masked) {
     const auto triangles = at(t, pushed);
     const SE3<double> T_w_c = camera_at(0.3 * (i % 6));  // the place stays in view
-    const auto exact = synth::render(triangles, scene.textures(), kCamera, T_w_c.inverse(), kWidth, kHeight);
+    const auto exact =
+        synth::render(triangles, scene.textures(), test::kFreiburg3, T_w_c.inverse(), kWidth, kHeight);
     cv::Mat movers = cv::Mat::zeros(kHeight, kWidth, CV_8UC1), labels = exact.label.clone();
     if (masked) {
       cv::dilate(exact.dynamic, movers, cv::Mat::ones(15, 15, CV_8UC1));

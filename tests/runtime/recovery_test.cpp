@@ -25,8 +25,8 @@ using test::bytes, test::kNeverStop, test::options_for;
 
 namespace {
 
-/// People walking for two seconds, rendered once for all tests of this file.
-const fs::path& walking() {
+/// People two_seconds for two seconds, rendered once for all tests of this file.
+const fs::path& two_seconds() {
   static const test::WalkingSequence sequence(60);
   return sequence.path;
 }
@@ -36,7 +36,7 @@ const fs::path& walking() {
 TEST_CASE("two runs give identical trajectories, masks and maps, with the machine idle and with it busy") {
   const test::TemporaryFolder out;
   for (const char* name : {"a", "b"}) {
-    RunOptions o = options_for(walking(), out.path / name, DynamicsMode::both);
+    RunOptions o = options_for(two_seconds(), out.path / name, DynamicsMode::both);
     o.max_frames = 40;
     // The second run shares every core with somebody else: what waits for what must not matter.
     std::atomic<bool> done{false};
@@ -60,7 +60,7 @@ TEST_CASE("two runs give identical trajectories, masks and maps, with the machin
 
 TEST_CASE("broken and black frames are reported; after 20 black ones the camera finds itself within 10") {
   const test::TemporaryFolder damaged, out;
-  fs::copy(walking(), damaged.path, fs::copy_options::recursive | fs::copy_options::overwrite_existing);
+  fs::copy(two_seconds(), damaged.path, fs::copy_options::recursive | fs::copy_options::overwrite_existing);
   const Sequence sequence = load_sequence(damaged.path);
   fs::resize_file(sequence.frames[10].rgb, 1000);
   fs::remove(sequence.frames[11].depth);
@@ -86,10 +86,10 @@ TEST_CASE("broken and black frames are reported; after 20 black ones the camera 
 TEST_CASE("an interruption saves what was computed") {
   const test::TemporaryFolder out;
   std::atomic<bool> stop{false};
-  const RunSummary summary =
-      run_sequence(options_for(walking(), out.path, DynamicsMode::geometric), stop, [&](const Progress& p) {
-        if (p.done == 12) stop = true;
-      });
+  const RunSummary summary = run_sequence(options_for(two_seconds(), out.path, DynamicsMode::geometric), stop,
+                                          [&](const Progress& p) {
+                                            if (p.done == 12) stop = true;
+                                          });
   CHECK(summary.interrupted);
   CHECK(read_trajectory(out.path / "trajectory.txt").size() == 12);
   CHECK(fs::exists(out.path / "map.ot"));
@@ -98,7 +98,7 @@ TEST_CASE("an interruption saves what was computed") {
 
 TEST_CASE("a failure in the middle, and a file that cannot be written, cost nothing else") {
   const test::TemporaryFolder out;
-  RunOptions o = options_for(walking(), out.path, DynamicsMode::geometric);
+  RunOptions o = options_for(two_seconds(), out.path, DynamicsMode::geometric);
   fs::create_directories(out.path / "keyframes.txt");  // where a file should be
   const auto fail_at_12 = [](const Progress& p) {
     if (p.done == 12) throw std::runtime_error("the display is gone");
@@ -112,19 +112,19 @@ TEST_CASE("a failure in the middle, and a file that cannot be written, cost noth
 
 TEST_CASE("what cannot work is refused in one line, and what was computed before a failure is saved") {
   const test::TemporaryFolder out;
-  RunOptions o = options_for(walking(), out.path, DynamicsMode::both);
+  RunOptions o = options_for(two_seconds(), out.path, DynamicsMode::both);
   o.masks.clear();
   CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), UsageError);
-  o = options_for(walking(), "/proc/no/such", DynamicsMode::none);
+  o = options_for(two_seconds(), "/proc/no/such", DynamicsMode::none);
   CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), InputError);
-  o = options_for(walking(), out.path, DynamicsMode::none);
+  o = options_for(two_seconds(), out.path, DynamicsMode::none);
   o.camera = "fr9";
   CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), UsageError);
 
   const test::TemporaryFolder masks;  // the sixth mask is unusable
-  const Sequence sequence = load_sequence(walking());
+  const Sequence sequence = load_sequence(two_seconds());
   cv::imwrite((masks.path / (sequence.frames[5].stamp + ".png")).string(), cv::Mat::zeros(10, 10, CV_8UC1));
-  o = options_for(walking(), out.path, DynamicsMode::semantic);
+  o = options_for(two_seconds(), out.path, DynamicsMode::semantic);
   o.masks = masks.path;
   CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), InputError);
   CHECK(read_trajectory(out.path / "trajectory.txt").size() == 5);

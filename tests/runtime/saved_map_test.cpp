@@ -17,6 +17,7 @@
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/run/run_sequence.hpp"
 #include "dynslam/runtime/synth/synth.hpp"
+#include "error_text.hpp"
 #include "office.hpp"
 #include "random.hpp"
 
@@ -26,14 +27,6 @@ namespace fs = std::filesystem;
 using test::bytes, test::kNeverStop, test::Office, test::office;
 
 namespace {
-
-void write(const fs::path& path, const std::string& content) {
-  std::ofstream(path, std::ios::binary) << content;
-}
-
-bool mentions(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
 
 std::string complaint(const fs::path& folder) {
   try {
@@ -84,8 +77,8 @@ TEST_CASE("what another run left beside a map is not published with it, nor remo
   const fs::path target = folder.path / "map";
   for (const char* name : {"map.partial", "map.old"}) {
     fs::create_directories(folder.path / name);
-    write(folder.path / name / "map.ot", "of a run that was stopped");
-    write(folder.path / name / "scans.bin", "of a run that was stopped");
+    test::write_file(folder.path / name / "map.ot", "of a run that was stopped");
+    test::write_file(folder.path / name / "scans.bin", "of a run that was stopped");
   }
   check_map_folder(target);
   save_slam_map(map, o.camera(), nullptr, target);  // without an octree
@@ -105,27 +98,27 @@ TEST_CASE("a damaged, foreign or missing map is refused in one line, and nothing
   const fs::path file = folder.path / "keyframes.bin";
   CHECK(complaint(folder.path / "none").find("is not a folder") != std::string::npos);
   CHECK(complaint(folder.path).find("cannot be opened") != std::string::npos);
-  write(file, "something else entirely");
+  test::write_file(file, "something else entirely");
   CHECK(complaint(folder.path).find("is not a dynslam keyframes file") != std::string::npos);
-  write(file, good.substr(0, good.size() / 2));
+  test::write_file(file, good.substr(0, good.size() / 2));
   CHECK(complaint(folder.path).find("is truncated") != std::string::npos);
-  write(file, good + "x");
+  test::write_file(file, good + "x");
   CHECK(complaint(folder.path).find("longer") != std::string::npos);
   std::string other = good;
   other[std::string("dynslam keyframes\n").size()] = 9;
-  write(file, other);
+  test::write_file(file, other);
   CHECK(complaint(folder.path).find("has version 9; this program reads version 1") != std::string::npos);
   test::Rng rng("damaged map");
   for (int trial = 0; trial < 30; ++trial) {
     std::string damaged = good;
     const auto at = static_cast<std::size_t>(rng.uniform(0, static_cast<double>(good.size())));
     damaged[at] = static_cast<char>(damaged[at] ^ (1 << rng.integer(0, 7)));
-    write(file, damaged);
+    test::write_file(file, damaged);
     CHECK_FALSE(complaint(folder.path).empty());
-    write(file, good.substr(0, at));
+    test::write_file(file, good.substr(0, at));
     CHECK_FALSE(complaint(folder.path).empty());
   }
-  write(file, good);
+  test::write_file(file, good);
   CHECK(complaint(folder.path).empty());
   CameraConfig camera = o.camera();
   camera.model = PinholeBrownConrady<double>(Pinhole<double>(500, 500, 320, 240), BrownConrady<double>{});
@@ -133,7 +126,7 @@ TEST_CASE("a damaged, foreign or missing map is refused in one line, and nothing
                        InputError);
 
   const test::TemporaryFolder precious;
-  write(precious.path / "letter.txt", "dear");
+  test::write_file(precious.path / "letter.txt", "dear");
   CHECK_THROWS_WITH_AS(check_map_folder(precious.path), doctest::Contains("would be replaced"), InputError);
   CHECK(bytes(precious.path / "letter.txt") == "dear");
 }
@@ -154,12 +147,15 @@ TEST_CASE("ids, levels and octaves out of bounds are refused where the check sum
                          [](const runtime::MapPoint& p) { return !p.bad; });
   };
   CHECK(complaint_of([](LocalMap&) {}).empty());
-  CHECK(mentions(complaint_of([](LocalMap& m) { m.keyframe(0).frame.features[3].octave = 8; }), "feature"));
-  CHECK(mentions(complaint_of([](LocalMap& m) { m.keyframe(0).frame.features[3].x = 1e30F; }), "feature"));
-  CHECK(mentions(complaint_of([&](LocalMap& m) { first_good(m).reference_octave = 1 << 30; }), "map point"));
-  CHECK(mentions(complaint_of([&](LocalMap& m) { first_good(m).reference_octave = -1; }), "map point"));
-  CHECK(mentions(complaint_of([&](LocalMap& m) { first_good(m).patch.level = 8; }), "patch"));
-  CHECK(mentions(complaint_of([&](LocalMap& m) { first_good(m).keyframes = {1 << 20}; }), "map point"));
+  CHECK(test::mentions(complaint_of([](LocalMap& m) { m.keyframe(0).frame.features[3].octave = 8; }),
+                       "feature"));
+  CHECK(test::mentions(complaint_of([](LocalMap& m) { m.keyframe(0).frame.features[3].x = 1e30F; }),
+                       "feature"));
+  CHECK(test::mentions(complaint_of([&](LocalMap& m) { first_good(m).reference_octave = 1 << 30; }),
+                       "map point"));
+  CHECK(test::mentions(complaint_of([&](LocalMap& m) { first_good(m).reference_octave = -1; }), "map point"));
+  CHECK(test::mentions(complaint_of([&](LocalMap& m) { first_good(m).patch.level = 8; }), "patch"));
+  CHECK(test::mentions(complaint_of([&](LocalMap& m) { first_good(m).keyframes = {1 << 20}; }), "map point"));
 }
 
 TEST_CASE("merge chains are followed once each, and circles found") {
@@ -178,7 +174,7 @@ TEST_CASE("merge chains are followed once each, and circles found") {
   CHECK(complaint(folder.path / "chain").empty());
   map.point(first + kLinks - 1).merged_into = first + kLinks / 2;
   save_slam_map(map, o.camera(), nullptr, folder.path / "circle");
-  CHECK(mentions(complaint(folder.path / "circle"), "go in circles"));
+  CHECK(test::mentions(complaint(folder.path / "circle"), "go in circles"));
 }
 
 TEST_CASE("scans of another map are refused, and an octree without its scans") {
@@ -199,7 +195,7 @@ TEST_CASE("scans of another map are refused, and an octree without its scans") {
                        doctest::Contains("scans.bin: belongs to other keyframes"), InputError);
   fs::remove(mixed / "scans.bin");
   fs::copy_file(o.map / "map.ot", mixed / "map.ot");
-  CHECK(mentions(complaint(mixed), "not the scans that it was made of"));
+  CHECK(test::mentions(complaint(mixed), "not the scans that it was made of"));
 }
 
 TEST_CASE("a scan of a keyframe that the map has not is refused") {

@@ -19,7 +19,7 @@ using namespace dynslam::runtime;
 
 namespace {
 
-const PinholeBrownConrady<double> kCamera(Pinhole<double>(100, 100, 80, 60));
+const PinholeBrownConrady<double> kMapCamera(Pinhole<double>(100, 100, 80, 60));
 const cv::Rect kBlock(60, 40, 40, 40);
 
 /// A wall at 2 m; a block in its middle at 1 m.
@@ -57,7 +57,7 @@ std::string bytes(const SemanticMapper& mapper) {
 }  // namespace
 
 TEST_CASE("surfaces become occupied, rays free, the rest stays unknown; colours are kept") {
-  SemanticMapper mapper(kCamera, 160, 120, {});
+  SemanticMapper mapper(kMapCamera, 160, 120, {});
   mapper.insert(keyframe(false, Label::background, false));
   mapper.finish();
   CHECK(at(mapper, 0.02, 0.02, 2.01) == Occupancy::occupied);
@@ -70,7 +70,7 @@ TEST_CASE("surfaces become occupied, rays free, the rest stays unknown; colours 
 
 TEST_CASE("people and masked pixels never enter the map; chairs and displays carry their label") {
   for (const bool masked : {false, true}) {
-    SemanticMapper mapper(kCamera, 160, 120, {});
+    SemanticMapper mapper(kMapCamera, 160, 120, {});
     mapper.insert(keyframe(true, masked ? Label::background : Label::person, masked));
     mapper.finish();
     CHECK(at(mapper, 0.02, 0.02, 1.01) != Occupancy::occupied);
@@ -81,7 +81,7 @@ TEST_CASE("people and masked pixels never enter the map; chairs and displays car
     CHECK(at(mapper, 0.02, 0.02, 1.52) == Occupancy::unknown);
   }
   for (const Label label : {Label::chair, Label::display}) {
-    SemanticMapper mapper(kCamera, 160, 120, {});
+    SemanticMapper mapper(kMapCamera, 160, 120, {});
     mapper.insert(keyframe(true, label, false));
     mapper.finish();
     const MapVoxel block = voxel(mapper, 0.02, 0.02, 1.01);
@@ -94,7 +94,7 @@ TEST_CASE("people and masked pixels never enter the map; chairs and displays car
 }
 
 TEST_CASE("what has left is cleared by the rays that pass where it was") {
-  SemanticMapper mapper(kCamera, 160, 120, {});
+  SemanticMapper mapper(kMapCamera, 160, 120, {});
   mapper.insert(keyframe(true, Label::chair, false));
   for (int i = 0; i < 4; ++i) mapper.insert(keyframe(false, Label::background, false));
   mapper.finish();
@@ -113,7 +113,7 @@ TEST_CASE("depth at edges is not mapped, grazing surfaces neither, far ones coun
   k.depth(cv::Rect(kBlock.x + kBlock.width, kBlock.y, 1, kBlock.height)) = 1.5;
   SemanticMapperOptions options;
   options.scan.pixel_stride = 1;
-  SemanticMapper mapper(kCamera, 160, 120, options);
+  SemanticMapper mapper(kMapCamera, 160, 120, options);
   mapper.insert(k);
   mapper.finish();
   for (double y = -0.25; y < 0.25; y += 0.05) CHECK(at(mapper, 0.302, y, 1.51) != Occupancy::occupied);
@@ -122,7 +122,7 @@ TEST_CASE("depth at edges is not mapped, grazing surfaces neither, far ones coun
   const auto log_odds = [](double z) {
     MapKeyframe wall = keyframe(false, Label::background, false);
     wall.depth = z;
-    SemanticMapper m(kCamera, 160, 120, {});
+    SemanticMapper m(kMapCamera, 160, 120, {});
     m.insert(wall);
     m.finish();
     return static_cast<double>(voxel(m, 0.02, 0.02, z + 0.005).log_odds);
@@ -136,7 +136,7 @@ TEST_CASE("depth at edges is not mapped, grazing surfaces neither, far ones coun
 TEST_CASE("the way to what is out of range is free") {
   MapKeyframe k = keyframe(false, Label::background, false);
   k.depth = 6.0;
-  SemanticMapper mapper(kCamera, 160, 120, {});
+  SemanticMapper mapper(kMapCamera, 160, 120, {});
   mapper.insert(k);
   mapper.finish();
   CHECK(at(mapper, 0.02, 0.02, 3.9) == Occupancy::free);
@@ -152,7 +152,7 @@ TEST_CASE("corrected poses: the map is what it would be had the keyframes come w
   };
   constexpr int kCount = 5;
   const auto corrected = [](int i) { return moved(0.2 * i, 0.1 * i); };
-  SemanticMapper direct(kCamera, 160, 120, {}), followed(kCamera, 160, 120, {});
+  SemanticMapper direct(kMapCamera, 160, 120, {}), followed(kMapCamera, 160, 120, {});
   std::vector<std::pair<int, SE3<double>>> poses;
   for (int i = 0; i < kCount; ++i) {
     MapKeyframe k = scene(i);
@@ -174,7 +174,7 @@ TEST_CASE("corrected poses: the map is what it would be had the keyframes come w
 
   SemanticMapperOptions lean;
   lean.retain_scans = false;
-  SemanticMapper forgetful(kCamera, 160, 120, lean);
+  SemanticMapper forgetful(kMapCamera, 160, 120, lean);
   forgetful.insert(scene(0));
   CHECK_THROWS_AS(forgetful.repose({}), UsageError);
   forgetful.finish();
@@ -184,7 +184,7 @@ TEST_CASE("corrected poses: the map is what it would be had the keyframes come w
 TEST_CASE("of a view that is scanned again and again a few scans are kept, whenever they are fused") {
   SemanticMapperOptions options;
   options.scans_per_view = 4;
-  SemanticMapper hurried(kCamera, 160, 120, options), patient(kCamera, 160, 120, options);
+  SemanticMapper hurried(kMapCamera, 160, 120, options), patient(kMapCamera, 160, 120, options);
   std::vector<std::pair<int, SE3<double>>> poses;
   std::size_t one = 0;
   for (int i = 0; i < 24; ++i) {
@@ -216,7 +216,7 @@ TEST_CASE("keyframes that come while a corrected map is rebuilt do not wait for 
     return std::chrono::duration<double>(Clock::now() - from).count();
   };
   constexpr int kCount = 120;
-  SemanticMapper mapper(kCamera, 160, 120, {}), direct(kCamera, 160, 120, {});
+  SemanticMapper mapper(kMapCamera, 160, 120, {}), direct(kMapCamera, 160, 120, {});
   std::vector<std::pair<int, SE3<double>>> poses;
   for (int i = 0; i < kCount; ++i) {
     MapKeyframe k = keyframe(true, Label::chair, false);
@@ -252,7 +252,7 @@ TEST_CASE("keyframes that come while a corrected map is rebuilt do not wait for 
 TEST_CASE("a saved map reads back with labels; two runs give the same bytes; bad paths are told") {
   const test::TemporaryFolder folder;
   for (const char* name : {"a.ot", "b.ot"}) {
-    SemanticMapper mapper(kCamera, 160, 120, {});
+    SemanticMapper mapper(kMapCamera, 160, 120, {});
     for (int i = 0; i < 3; ++i) mapper.insert(keyframe(true, Label::chair, false));
     mapper.finish();
     mapper.save(folder.path / name);

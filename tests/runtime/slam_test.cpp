@@ -27,7 +27,7 @@ using test::bytes, test::kNeverStop, test::options_for;
 
 namespace {
 
-constexpr int kFrames = 24;
+constexpr int kRawFrames = 24;
 
 struct RawFrame {
   cv::Mat bgr, depth;             // CV_8UC3, CV_16UC1
@@ -37,7 +37,7 @@ struct RawFrame {
 };
 
 struct Walk {
-  test::WalkingSequence folder{kFrames};
+  test::WalkingSequence folder{kRawFrames};
   CameraConfig camera;
   std::vector<RawFrame> frames;
 
@@ -58,7 +58,7 @@ const Walk& walk() {
 using Change = std::function<void(const RawFrame& frame, cv::Mat& image, cv::Mat& depth)>;
 
 /// The trajectory of all frames as text, each frame's images changed.
-std::string trajectory_of(Slam& slam, const Change& change = {}, int frames = kFrames) {
+std::string trajectory_of(Slam& slam, const Change& change = {}, int frames = kRawFrames) {
   for (int i = 0; i < frames; ++i) {
     const RawFrame& f = walk().frames[static_cast<std::size_t>(i)];
     cv::Mat image = f.bgr.clone(), depth = f.depth.clone();
@@ -82,7 +82,7 @@ TEST_CASE("frames in memory give what a run over their files gives, map and mask
   const test::TemporaryFolder out;
   const RunSummary run =
       run_sequence(options_for(walk().folder.path, out.path / "run", DynamicsMode::both), kNeverStop);
-  CHECK(run.tracked == kFrames);
+  CHECK(run.tracked == kRawFrames);
   SlamOptions options;
   options.dynamics = DynamicsMode::both;
   Slam slam(walk().camera, options);
@@ -107,7 +107,7 @@ TEST_CASE("frames in memory give what a run over their files gives, map and mask
 TEST_CASE("images of any stride and of each type that is allowed give the same; so does a second walk") {
   Slam slam(walk().camera);
   const std::string plain = trajectory_of(slam);
-  CHECK(std::count(plain.begin(), plain.end(), '\n') == kFrames);
+  CHECK(std::count(plain.begin(), plain.end(), '\n') == kRawFrames);
   const auto same = [&](const std::string& what, const Change& change) {
     CAPTURE(what);
     slam.reset();

@@ -22,11 +22,11 @@ using namespace dynslam::runtime;
 
 namespace {
 
-constexpr int kFrames = 50;
+constexpr int kWalkFrames = 50;
 
 /// People walking, and one who sits, rendered once for all tests of this file.
 struct Walking {
-  test::WalkingSequence folder{kFrames};
+  test::WalkingSequence folder{kWalkFrames};
   Sequence sequence = load_sequence(folder.path);
   CameraConfig camera = load_camera(sequence.camera_hint);
 
@@ -41,7 +41,7 @@ struct Walking {
   }
 };
 
-const Walking& walking() {
+const Walking& rendered_walk() {
   static const Walking sequence;
   return sequence;
 }
@@ -83,7 +83,7 @@ struct Buffers {
 }  // namespace
 
 TEST_CASE("images and masks of another size or type than the camera's are refused before anything changes") {
-  const Walking& w = walking();
+  const Walking& w = rendered_walk();
   Tracker tracker(w.camera, options(DynamicsMode::both)), undisturbed(w.camera, options(DynamicsMode::both));
   const auto both = [&](std::size_t i) {
     const std::string expected = bytes_of(undisturbed.track(w.frame(i), w.masks(i)));
@@ -138,7 +138,7 @@ TEST_CASE("images and masks of another size or type than the camera's are refuse
 }
 
 TEST_CASE("the tracker counts frames itself: a caller who numbers none of them gets the same poses") {
-  const Walking& w = walking();
+  const Walking& w = rendered_walk();
   Tracker numbered(w.camera, options(DynamicsMode::geometric)),
       unnumbered(w.camera, options(DynamicsMode::geometric));
   for (std::size_t i = 0; i < 20; ++i) {
@@ -154,7 +154,7 @@ TEST_CASE("the tracker counts frames itself: a caller who numbers none of them g
 }
 
 TEST_CASE("a caller who fills the same images again and again gets the poses of one who does not") {
-  const Walking& w = walking();
+  const Walking& w = rendered_walk();
   for (const auto mode : {DynamicsMode::none, DynamicsMode::both}) {
     Tracker fresh(w.camera, options(mode)), reused(w.camera, options(mode));
     Buffers buffers;
@@ -173,11 +173,11 @@ TEST_CASE("a caller who fills the same images again and again gets the poses of 
 }
 
 TEST_CASE("who was at rest before the camera was lost is not taken to be so afterwards") {
-  const Walking& w = walking();
+  const Walking& w = rendered_walk();
   Tracker tracker(w.camera, options(DynamicsMode::both));
   std::size_t i = 0;
   const auto at_rest = [&] { return tracker.resting().empty() ? 0 : cv::countNonZero(tracker.resting()); };
-  for (; i + 1 < kFrames; ++i) {
+  for (; i + 1 < kWalkFrames; ++i) {
     REQUIRE(tracker.track(w.frame(i), w.masks(i)).state == TrackingState::tracked);
     if (at_rest() > 0) break;
   }
@@ -190,19 +190,19 @@ TEST_CASE("who was at rest before the camera was lost is not taken to be so afte
 
 TEST_CASE(
     "masks that cover nearly all of the view, always or now and then, cost no frame and no centimetre") {
-  const Walking& w = walking();
+  const Walking& w = rendered_walk();
   const auto run = [&](DynamicsMode mode, auto&& mask_of) {
     Tracker tracker(w.camera, options(mode));
     int rejected = 0, tracked = 0;
     SE3<double> last;
-    for (std::size_t i = 0; i < kFrames; ++i) {
+    for (std::size_t i = 0; i < kWalkFrames; ++i) {
       const TrackResult r = tracker.track(w.frame(i), mask_of(i));
       tracked += r.state == TrackingState::tracked ? 1 : 0;
       rejected += r.mask_rejected != MaskVerdict::kept ? 1 : 0;
       last = r.T_w_c;
     }
     CAPTURE(static_cast<int>(mode));
-    CHECK(tracked == kFrames);
+    CHECK(tracked == kWalkFrames);
     return std::pair(last, rejected);
   };
   const auto geometric = run(DynamicsMode::geometric, [](std::size_t) { return std::optional<Masks>(); });
@@ -212,9 +212,9 @@ TEST_CASE(
   const auto now_and_then = [&](std::size_t i) { return i % 3 == 1 ? std::optional(cover) : std::nullopt; };
   for (const DynamicsMode mode : {DynamicsMode::both, DynamicsMode::semantic}) {
     const auto always = run(mode, [&](std::size_t) { return std::optional(cover); });
-    CHECK(always.second == kFrames);
+    CHECK(always.second == kWalkFrames);
     const auto sometimes = run(mode, now_and_then);
-    CHECK(sometimes.second >= kFrames / 3);
+    CHECK(sometimes.second >= kWalkFrames / 3);
     if (mode == DynamicsMode::semantic) continue;  // people walk here, and nothing else tells of them
     for (const auto& found : {always, sometimes})
       CHECK((found.first.translation() - geometric.first.translation()).norm() < 0.01);

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "pixels.hpp"
 #include "random.hpp"
 
 using namespace dynslam;
@@ -21,10 +22,6 @@ Image<std::uint8_t> random_mask(test::Rng& rng, int w, int h, double density) {
     for (int u = 0; u < w; ++u) mask(u, v) = rng.chance(density) ? 255 : 0;
   }
   return mask;
-}
-
-std::vector<std::uint8_t> pixels(const Image<std::uint8_t>& image) {
-  return {image.data(), image.data() + image.width() * image.height()};
 }
 
 }  // namespace
@@ -56,7 +53,7 @@ TEST_CASE("dilation and erosion equal brute force for any radius") {
       CHECK(equal);
       auto in_place = in;
       dilate(in_place.view(), in_place.view(), radius, ws);
-      CHECK(pixels(in_place) == pixels(grown));
+      CHECK(test::pixels(in_place) == test::pixels(grown));
     }
   }
 }

@@ -11,6 +11,7 @@
 
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/image/normals.hpp"
+#include "pixels.hpp"
 #include "random.hpp"
 
 using namespace dynslam;
@@ -27,10 +28,6 @@ Image<float> person_on_floor() {
     for (int u = 60; u < 95; ++u) depth(u, v) = 1.5F;
   }
   return depth;
-}
-
-std::vector<std::uint8_t> pixels(const Image<std::uint8_t>& image) {
-  return {image.data(), image.data() + image.width() * image.height()};
 }
 
 }  // namespace
@@ -99,7 +96,7 @@ TEST_CASE("the region is valid depth only and does not depend on the order of th
         grow_regions(depth, std::span<const PixelIndex>(seeds), criterion, options, other.view(), ws);
     CHECK(b.pixels == a.pixels);
     CHECK(b.regions == a.regions);
-    CHECK(pixels(first) == pixels(other));
+    CHECK(test::pixels(first) == test::pixels(other));
   }
   for (int v = 0; v < 40; ++v) {
     for (int u = 0; u < 60; ++u) {

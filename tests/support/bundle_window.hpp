@@ -7,13 +7,11 @@
 #include <cstdint>
 #include <vector>
 
-#include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/optim/bundle_adjustment.hpp"
 #include "random.hpp"
+#include "tum_cameras.hpp"
 
 namespace dynslam::test {
-
-inline const Pinhole<double> kBundleCamera(535.4, 539.2, 320.1, 247.6);
 
 /// A window as a tracker leaves it: poses and points off by some centimetres, noisy sights, a few of them
 /// wrong.
@@ -48,7 +46,7 @@ inline Window make_window(Rng& rng, int poses, int points, double wrong, bool no
                        0.03 * Eigen::Vector3d(rng.normal(), rng.normal(), rng.normal()));
     for (int i = 0; i < poses; ++i) {
       const Eigen::Vector3d p_c = w.truth[static_cast<std::size_t>(i)] * w.points_truth.back();
-      const auto x = kBundleCamera.project(p_c);
+      const auto x = kFreiburg3.project(p_c);
       if (!x || x->x() < 0 || x->y() < 0 || x->x() > 639 || x->y() > 479 || rng.chance(0.3)) continue;
       BundleObservation<double> o;
       const double sigma_z = 0.004 + 0.008 * p_c.z() * p_c.z(), size = noise ? 1 : 0;

@@ -30,6 +30,10 @@ struct TemporaryFolder {
   TemporaryFolder& operator=(const TemporaryFolder&) = delete;
 };
 
+inline void write_file(const std::filesystem::path& path, const std::string& content) {
+  std::ofstream(path, std::ios::binary) << content;
+}
+
 /// A tiny, valid TUM sequence: 64x64 images, depth 1.5 m with one missing pixel.
 struct TumFixture : TemporaryFolder {
   explicit TumFixture(int frames) {

@@ -23,13 +23,13 @@ namespace dynslam::runtime {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kLongestGap = 0.05;   // to the next true pose [s]
-constexpr double kObjectShare = 0.25;  // of the view halfway through
-constexpr double kCovered = 0.9;       // share of the columns
-constexpr std::size_t kLate = 5;       // frames
-constexpr double kShift = 40.0 / 640;  // share of the width
-constexpr int kBlobs = 6;              // per frame
-constexpr double kLargestBlob = 0.2;   // half axis, share of the width
+constexpr double kLongestGap = 0.05;          // to the next true pose [s]
+constexpr double kObjectShare = 0.25;         // of the view halfway through
+constexpr double kCovered = 0.9;              // share of the columns
+constexpr std::size_t kLate = 5;              // frames
+constexpr double kShiftedShare = 40.0 / 640;  // share of the width
+constexpr int kBlobs = 6;                     // per frame
+constexpr double kLargestBlob = 0.2;          // half axis, share of the width
 
 /// A ball that stays where it is.
 struct Ball {
@@ -88,7 +88,7 @@ class MaskFaults {
       case MaskFault::late:
         return right_mask(i > kLate ? i - kLate : 0);
       case MaskFault::shifted: {
-        const int shift = cvRound(kShift * camera_.width);
+        const int shift = cvRound(kShiftedShare * camera_.width);
         cv::Mat shifted = nothing();
         right_mask(i).colRange(0, camera_.width - shift).copyTo(shifted.colRange(shift, camera_.width));
         return shifted;

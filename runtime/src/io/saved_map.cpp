@@ -20,8 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kMagic = "dynslam keyframes";
-constexpr std::uint32_t kVersion = 1;
+constexpr std::string_view kKeyframesMagic = "dynslam keyframes";
+constexpr std::uint32_t kKeyframesVersion = 1;
 constexpr int kMaxOctave = FeatureOptions{}.levels - 1;
 constexpr float kFarPixel = 1e6F;  // a lens puts the corners of no image further out
 
@@ -185,7 +185,7 @@ void save_slam_map(const LocalMap& map, const CameraConfig& camera, const Semant
   for (const Keyframe& k : map.keyframes()) put(out, k);
   for (const MapPoint& p : map.points()) put(out, p);
   FolderDraft draft(folder, kMapFiles);
-  const std::uint64_t id = write_binary(draft.path() / kKeyframes, kMagic, kVersion, out);
+  const std::uint64_t id = write_binary(draft.path() / kKeyframes, kKeyframesMagic, kKeyframesVersion, out);
   if (mapper != nullptr) {
     mapper->save_scans(draft.path() / kScans, id, names);
     mapper->save(draft.path() / kOctree);
@@ -202,7 +202,7 @@ void save_slam_map(const LocalMap& map, const CameraConfig& camera, const Semant
 LocalMap load_slam_map(const fs::path& folder, const CameraConfig& camera, std::uint64_t* map_id) {
   if (!restore_folder(folder, kMapFiles) || !fs::is_directory(folder))
     throw InputError(folder.string(), 0, "is not a folder with a saved map");
-  BinaryReader in = read_binary(folder / kKeyframes, kMagic, kVersion, kVersion);
+  BinaryReader in = read_binary(folder / kKeyframes, kKeyframesMagic, kKeyframesVersion, kKeyframesVersion);
   in.require(fs::exists(folder / kScans) || !fs::exists(folder / kOctree),
              "has an octree beside it, but not the scans that it was made of (scans.bin)");
   BinaryWriter expected;

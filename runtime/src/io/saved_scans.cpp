@@ -12,8 +12,8 @@
 namespace dynslam::runtime {
 namespace {
 
-constexpr std::string_view kMagic = "dynslam scans";
-constexpr std::uint32_t kVersion = 2;  // 1 did not name the keyframes that the scans belong to
+constexpr std::string_view kScansMagic = "dynslam scans";
+constexpr std::uint32_t kScansVersion = 2;  // 1 did not name the keyframes that the scans belong to
 constexpr std::uint32_t kUnnamed = 1;
 constexpr std::int32_t kMostSessions = 1 << 30;
 constexpr int kVisits = 2;  // later sessions that make up for a scan
@@ -22,7 +22,7 @@ constexpr int kVisits = 2;  // later sessions that make up for a scan
 /// @return the file behind these
 BinaryReader open_scans(const std::filesystem::path& path, std::uint64_t map_id,
                         std::vector<std::int32_t>& sessions) {
-  BinaryReader in = read_binary(path, kMagic, kVersion, kUnnamed);
+  BinaryReader in = read_binary(path, kScansMagic, kScansVersion, kUnnamed);
   in.require(in.version() == kUnnamed || in.get<std::uint64_t>() == map_id,
              "belongs to other keyframes than those beside it");
   if (in.version() != kUnnamed) in.get(sessions);
@@ -79,7 +79,7 @@ void copy_scans(const std::filesystem::path& from, std::uint64_t from_id, const 
   out.put(to_id);
   out.put(sessions);
   out.put_bytes(in.rest());
-  write_binary(to, kMagic, kVersion, out);
+  write_binary(to, kScansMagic, kScansVersion, out);
 }
 
 void SemanticMapper::save_scans(const std::filesystem::path& path, std::uint64_t map_id,
@@ -101,7 +101,7 @@ void SemanticMapper::save_scans(const std::filesystem::path& path, std::uint64_t
     out.put(keyframe.T_w_c);
     write_scan(out, keyframe.scan);
   }
-  write_binary(path, kMagic, kVersion, out);
+  write_binary(path, kScansMagic, kScansVersion, out);
 }
 
 std::vector<int> SemanticMapper::saved_keyframes() const {

@@ -25,7 +25,7 @@ constexpr Normalisation kUnit{{0, 0, 0}, {1, 1, 1}};
 constexpr Normalisation kSymmetric{{0.5F, 0.5F, 0.5F}, {0.5F, 0.5F, 0.5F}};  // -1..1: TensorFlow's DeepLab
 constexpr Normalisation kImageNet{{0.485F, 0.456F, 0.406F}, {0.229F, 0.224F, 0.225F}};
 
-constexpr std::uint8_t kBorder = 114;  // grey of YOLO's letterbox
+constexpr std::uint8_t kLetterboxGrey = 114;  // of YOLO
 
 template <std::size_t N>
 std::vector<std::string> list(const std::array<std::string_view, N>& names) {
@@ -234,7 +234,7 @@ void OnnxSegmenter::fill_input(const cv::Mat& bgr) {
     cv::resize(bgr, resized, size, 0, 0, cv::INTER_LINEAR);
     const int left = static_cast<int>(fit_.pad_x), top = static_cast<int>(fit_.pad_y);
     cv::copyMakeBorder(resized, fitted, top, height - size.height - top, left, width - size.width - left,
-                       cv::BORDER_CONSTANT, cv::Scalar::all(kBorder));
+                       cv::BORDER_CONSTANT, cv::Scalar::all(kLetterboxGrey));
   }
   Normalisation n = kUnit;
   if (kind_ == ModelKind::semantic) {
