@@ -76,6 +76,7 @@
 #include "dynslam/optim/pose_equations.hpp"
 #include "dynslam/optim/pose_graph.hpp"
 #include "dynslam/optim/pose_residual.hpp"
+#include "dynslam/optim/small_cholesky.hpp"
 #include "dynslam/optim/surface_weights.hpp"
 #include "dynslam/optim/truncated_cost.hpp"
 #include "dynslam/robust/chi_square.hpp"

@@ -14,6 +14,7 @@
 #include "dynslam/optim/levenberg_marquardt.hpp"
 #include "dynslam/optim/normal_equations.hpp"
 #include "dynslam/optim/pose_graph.hpp"
+#include "dynslam/optim/small_cholesky.hpp"
 #include "dynslam/robust/chi_square.hpp"
 #include "dynslam/robust/consensus.hpp"
 #include "dynslam/robust/kernels.hpp"
@@ -62,6 +63,10 @@ void statistics_of(test::Record<double>& out) {
   Eigen::Matrix<S, 2, 2> covariance;
   REQUIRE(system.solve(S(0), step));
   REQUIRE(system.covariance(covariance));
+  SmallCholesky<S, 2> factor;
+  REQUIRE(factor.compute(covariance));
+  out.put("small_cholesky.solve", factor.solve(step).template cast<double>());
+  out.put("small_cholesky.inverse", factor.inverse().template cast<double>());
   out.put("normal_equations", step.template cast<double>());
   out.put("normal_equations.covariance", covariance.template cast<double>());
 }

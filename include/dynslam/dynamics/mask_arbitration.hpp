@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <array>
 #include <cmath>
@@ -12,6 +11,7 @@
 
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/optim/pose.hpp"
+#include "dynslam/optim/small_cholesky.hpp"
 
 namespace dynslam {
 
@@ -61,7 +61,9 @@ template <std::floating_point S>
   covariance.diagonal().template head<3>().array() += options.shared_translation * options.shared_translation;
   covariance.diagonal().template tail<3>().array() += options.shared_rotation * options.shared_rotation;
   const Eigen::Matrix<S, 6, 1> d = (left.T_c_w * all.T_c_w.inverse()).log();
-  return d.dot(covariance.ldlt().solve(d)) < options.max_chi2 ? MaskVerdict::one_motion : MaskVerdict::kept;
+  SmallCholesky<S, 6> factor;
+  if (!factor.compute(covariance)) return MaskVerdict::kept;
+  return d.dot(factor.solve(d)) < options.max_chi2 ? MaskVerdict::one_motion : MaskVerdict::kept;
 }
 
 }  // namespace dynslam

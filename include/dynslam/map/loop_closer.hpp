@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <concepts>
@@ -22,6 +21,7 @@
 #include "dynslam/map/keyframe_map.hpp"
 #include "dynslam/map/place_verifier.hpp"
 #include "dynslam/optim/pose_graph.hpp"
+#include "dynslam/optim/small_cholesky.hpp"
 #include "dynslam/robust/kernels.hpp"
 
 namespace dynslam {
@@ -215,7 +215,8 @@ class LoopCloser {
     // A narrow overlap tells some directions badly, and the chain may know better.
     Matrix6 covariance = options_.loop_sigma_factor * options_.loop_sigma_factor * place.covariance;
     covariance.diagonal().array() += options_.loop_sigma_floor * options_.loop_sigma_floor;
-    loop.information = covariance.inverse();
+    SmallCholesky<S, 6> factor;
+    if (factor.compute(covariance)) loop.information = factor.inverse();
     return loop;
   }
 

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
-#include <limits>
 
 #include "dynslam/concepts/scalar.hpp"
+#include "dynslam/optim/small_cholesky.hpp"
 
 namespace dynslam {
 
@@ -42,36 +41,32 @@ class NormalEquations {
   /// Step of the damped system (H + lambda diag H) delta = -b; false where it is not positive definite.
   [[nodiscard]] bool solve(const S& lambda, Vector& delta) const {
     Matrix damped = H_;
-    damped.diagonal() += lambda * H_.diagonal();
-    if (!well_posed(damped)) return false;
-    const Eigen::LLT<Matrix, Eigen::Lower> factor(damped);
-    if (factor.info() != Eigen::Success) return false;
-    delta = factor.solve(-b_);
-    return delta.allFinite();
+    for (int i = 0; i < N; ++i) damped(i, i) += lambda * H_(i, i);
+    SmallCholesky<S, N> factor;
+    if (!factor.compute(damped)) return false;
+    const Vector step = factor.solve(b_);
+    for (int i = 0; i < N; ++i) delta(i) = -step(i);
+    return finite(delta.data(), N);
   }
 
   /// Inverse of H; false where the system does not determine all parameters.
   [[nodiscard]] bool covariance(Matrix& out) const {
-    if (!well_posed(H_)) return false;
-    const Eigen::LLT<Matrix, Eigen::Lower> factor(H_);
-    if (factor.info() != Eigen::Success) return false;
-    out = factor.solve(Matrix::Identity());
-    return out.allFinite();
+    SmallCholesky<S, N> factor;
+    if (!factor.compute(H_)) return false;
+    out = factor.inverse();
+    return finite(out.data(), N * N);
   }
 
   [[nodiscard]] Matrix hessian() const { return H_.template selfadjointView<Eigen::Lower>(); }
   [[nodiscard]] const Vector& gradient() const { return b_; }
 
  private:
-  /// Every pivot of the scaled matrix must stand clear of rounding.
-  [[nodiscard]] static bool well_posed(const Matrix& H) {
-    const Vector d = H.diagonal();
-    if (!(S(0) < d.minCoeff()) || !d.allFinite()) return false;
-    const Vector scale = d.cwiseSqrt().cwiseInverse();
-    const Matrix scaled =
-        scale.asDiagonal() * Matrix(H.template selfadjointView<Eigen::Lower>()) * scale.asDiagonal();
-    const Eigen::LDLT<Matrix> factor(scaled);
-    return factor.vectorD().minCoeff() > S(10) * Eigen::NumTraits<S>::epsilon();
+  [[nodiscard]] static bool finite(const S* values, int n) {
+    for (int i = 0; i < n; ++i) {
+      const S difference = values[i] - values[i];
+      if (!(difference == S(0))) return false;  // NaN and infinity
+    }
+    return true;
   }
 
   Matrix H_ = Matrix::Zero();

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/optim/small_cholesky.hpp"
+
+#include <doctest/doctest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <cmath>
+#include <limits>
+
+#include "random.hpp"
+
+using namespace dynslam;
+
+namespace {
+
+/// A positive definite matrix whose parameters have units `decades` orders of magnitude apart; above its
+/// diagonal stands nonsense.
+template <class S, int N>
+Eigen::Matrix<S, N, N> positive_definite(test::Rng& rng, double decades) {
+  Eigen::Matrix<double, N, N + 3> J;
+  for (int j = 0; j < N + 3; ++j) {
+    for (int i = 0; i < N; ++i) J(i, j) = rng.normal() * std::pow(10, decades * i / N);
+  }
+  Eigen::Matrix<S, N, N> A = (J * J.transpose()).template cast<S>();
+  A.template triangularView<Eigen::StrictlyUpper>().setConstant(S(1e9));
+  return A;
+}
+
+template <class S, int N>
+void compare_with_eigen(test::Rng& rng) {
+  const double tolerance = 1e5 * static_cast<double>(std::numeric_limits<S>::epsilon());
+  for (const double decades : {0.0, 4.0}) {
+    const auto A = positive_definite<S, N>(rng, decades);
+    const Eigen::Matrix<double, N, N> whole =
+        A.template cast<double>().template selfadjointView<Eigen::Lower>();
+    Eigen::Matrix<S, N, 1> b;
+    for (int i = 0; i < N; ++i) b(i) = S(rng.normal());
+    SmallCholesky<S, N> factor;
+    REQUIRE(factor.compute(A));
+    const Eigen::Matrix<double, N, 1> expected = whole.llt().solve(b.template cast<double>());
+    CHECK(factor.solve(b).template cast<double>().isApprox(expected, tolerance));
+    const auto inverse = factor.inverse();
+    CHECK(inverse == inverse.transpose());
+    CHECK(inverse.template cast<double>().isApprox(whole.inverse(), tolerance));
+  }
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("solutions and inverses are those of Eigen's LLT, from the lower triangle alone", S, float,
+                   double) {
+  test::Rng rng("small cholesky");
+  for (int k = 0; k < 20; ++k) {
+    compare_with_eigen<S, 1>(rng);
+    compare_with_eigen<S, 3>(rng);
+    compare_with_eigen<S, 6>(rng);
+    compare_with_eigen<S, 9>(rng);
+  }
+}
+
+TEST_CASE_TEMPLATE("what is not positive definite by more than rounding is refused, whatever its units", S,
+                   float, double) {
+  using Matrix = Eigen::Matrix<S, 3, 3>;
+  SmallCholesky<S, 3> factor;
+  const S nan = std::numeric_limits<S>::quiet_NaN(), infinity = std::numeric_limits<S>::infinity();
+  for (const S bad : {S(0), S(-1), nan, infinity}) {
+    CAPTURE(bad);
+    Matrix A = Matrix::Identity();
+    A(1, 1) = bad;
+    CHECK_FALSE(factor.compute(A));
+  }
+  Matrix off = Matrix::Identity();
+  off(2, 0) = nan;
+  CHECK_FALSE(factor.compute(off));
+  off(2, 0) = S(1.5);  // no correlation is above 1
+  CHECK_FALSE(factor.compute(off));
+  // Two parameters of which only the sum matters, in units far apart.
+  for (const S unit : {S(1e-6), S(1), S(1e6)}) {
+    const Eigen::Matrix<S, 1, 3> row(unit, S(1) / unit, S(0));
+    Matrix A = row.transpose() * row;
+    A(2, 2) = S(1);
+    CHECK_FALSE(factor.compute(A));
+    A(0, 0) *= S(1.01);
+    CHECK(factor.compute(A));
+  }
+}
