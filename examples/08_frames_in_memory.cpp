@@ -10,7 +10,7 @@
 int main(int argc, char** argv) try {
   if (argc != 3) return std::puts("usage: example_08_frames_in_memory SEQUENCE OUT"), 2;
   const auto sequence = dynslam::runtime::load_sequence(argv[1]);  // or a camera of yours
-  dynslam::runtime::Slam slam(dynslam::runtime::load_camera(sequence.camera_hint));
+  dynslam::runtime::Slam slam(camera_of(sequence));
   for (const auto& f : sequence.frames) {
     const cv::Mat bgr = cv::imread(f.rgb.string()),
                   depth = cv::imread(f.depth.string(), cv::IMREAD_UNCHANGED);

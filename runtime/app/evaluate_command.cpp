@@ -11,6 +11,7 @@
 
 #include "dynslam/runtime/evaluation/evaluate.hpp"
 #include "dynslam/runtime/evaluation/mask_faults.hpp"
+#include "format_options.hpp"
 #include "progress_line.hpp"
 #include "validators.hpp"
 
@@ -31,14 +32,19 @@ struct EvaluateCommand::Options {
   CLI::App* faults = nullptr;
   std::filesystem::path estimate, groundtruth, predicted, truth;
   runtime::MaskFaultOptions fault;
+  runtime::SequenceOptions reading;  // of the ground truth's sequence
   bool json = false;
 };
 
 EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   Options& o = *o_;
   o.trajectory = app.add_subcommand("eval", "ATE and RPE (1 s) of a trajectory, as TUM's tools compute them");
-  o.trajectory->add_option("estimate", o.estimate, "Trajectory in TUM format")->required();
-  o.trajectory->add_option("groundtruth", o.groundtruth, "Ground truth in TUM format")->required();
+  o.trajectory->add_option("estimate", o.estimate, "Trajectory in TUM format, or the folder of a run")
+      ->required();
+  o.trajectory
+      ->add_option("groundtruth", o.groundtruth, "Ground truth in TUM format, or the folder of a sequence")
+      ->required();
+  add_format_options(*o.trajectory, o.reading.format, o.reading.rate);
   o.trajectory->add_flag("--json", o.json, "Print JSON");
   o.masks = app.add_subcommand("eval-masks", "IoU, recall and precision of masks");
   o.masks->add_option("predicted", o.predicted, "Folder of PNG masks")->required();
@@ -47,8 +53,7 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
                       "cover, which are false alarms where nothing moves");
   o.masks->add_flag("--json", o.json, "Print JSON");
   o.faults = app.add_subcommand("mask-faults", "Write wrong masks for a sequence, to see what they cost");
-  o.faults->add_option("sequence", o.fault.sequence, "Folder in TUM RGB-D layout, with ground truth")
-      ->required();
+  o.faults->add_option("sequence", o.fault.sequence, "Folder of a sequence with ground truth")->required();
   o.faults->add_option("out", o.fault.out, "Folder to make, for run --masks")->required();
   o.faults
       ->add_option_function<std::string>(
@@ -58,7 +63,8 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
       ->check(CLI::IsMember(
           std::vector<std::string>(runtime::kMaskFaultNames.begin(), runtime::kMaskFaultNames.end())));
   o.faults->add_option("--camera", o.fault.camera,
-                       "fr1, fr2, fr3 or a camera file (default: from the sequence)");
+                       "fr1, fr2, fr3, bonn or a camera file (default: from the sequence)");
+  add_format_options(*o.faults, o.fault.format, o.fault.rate);
   o.faults->add_option("--seed", o.fault.seed, "Of random blobs")->capture_default_str()->check(whole());
 }
 
@@ -70,7 +76,7 @@ bool EvaluateCommand::chosen() const {
 
 int EvaluateCommand::run() const {
   const Options& o = *o_;
-  if (*o.trajectory) return print(runtime::evaluate_trajectory(o.estimate, o.groundtruth), o.json);
+  if (*o.trajectory) return print(runtime::evaluate_trajectory(o.estimate, o.groundtruth, o.reading), o.json);
   if (*o.masks && o.truth.empty()) return print(runtime::mask_shares(o.predicted), o.json);
   if (*o.masks) return print(runtime::evaluate_masks(o.predicted, o.truth), o.json);
   ProgressLine line;

@@ -14,6 +14,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "evaluate_command.hpp"
 #include "exit_codes.hpp"
+#include "info_command.hpp"
 #include "map_command.hpp"
 #include "run_command.hpp"
 #include "suggestion.hpp"
@@ -34,6 +35,7 @@ int run(int argc, char** argv) {
   const RunCommand run_command(app);
   const AblateCommand ablate(app);
   const EvaluateCommand evaluate(app);
+  const InfoCommand info(app);
   const SynthCommand synth(app);
   const MapCommand map(app);
   const auto config = add_config_option(app);
@@ -42,6 +44,7 @@ int run(int argc, char** argv) {
     if (run_command.chosen()) return run_command.run();
     if (ablate.chosen()) return ablate.run();
     if (evaluate.chosen()) return evaluate.run();
+    if (info.chosen()) return info.run();
     if (synth.chosen()) return synth.run();
     return map.run();
   } catch (const CLI::FileError&) {

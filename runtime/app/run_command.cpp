@@ -15,9 +15,10 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluation/ablate.hpp"
 #include "dynslam/runtime/evaluation/evaluate.hpp"
-#include "dynslam/runtime/io/trajectory_io.hpp"
+#include "dynslam/runtime/io/sequence.hpp"
 #include "dynslam/runtime/run/run_sequence.hpp"
 #include "exit_codes.hpp"
+#include "format_options.hpp"
 #include "progress_line.hpp"
 #include "validators.hpp"
 
@@ -136,9 +137,11 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
 }
 
 void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_out) {
-  app.add_option("sequence", o.sequence, "Folder in TUM RGB-D layout")->required();
+  app.add_option("sequence", o.sequence, "Folder of a sequence: TUM, 7-Scenes, ... (see --format)")
+      ->required();
   app.add_option("--out,-o", o.out, fmt::format("Folder for the results (default: {})", default_out));
-  app.add_option("--camera", o.camera, "fr1, fr2, fr3 or a camera file (default: from the sequence)");
+  app.add_option("--camera", o.camera, "fr1, fr2, fr3, bonn or a camera file (default: from the sequence)");
+  add_format_options(app, o.format, o.rate);
   app.add_option(
       "--masks", o.masks,
       "Folder of a-priori masks, <time stamp>.png: 0/255 masks, labels (8 bit) or instances (16 bit)");
@@ -175,11 +178,12 @@ int interrupted() {
 
 /// ATE and RPE where the sequence has ground truth; what cannot be compared is said, not an error.
 std::string accuracy(const rt::RunOptions& options, const rt::RunSummary& summary) {
-  const auto file = options.sequence / "groundtruth.txt";
-  if (!std::filesystem::exists(file)) return {};
   try {
-    return rt::to_text(rt::evaluate_trajectory(summary.trajectory, rt::read_trajectory(file),
-                                               (options.out / "trajectory.txt").string(), file.string()));
+    const rt::Sequence sequence = rt::load_sequence(options.sequence, rt::sequence_options(options));
+    if (sequence.groundtruth.empty()) return {};
+    return rt::to_text(rt::evaluate_trajectory(summary.trajectory, sequence.groundtruth,
+                                               (options.out / "trajectory.txt").string(),
+                                               sequence.truth_file.string()));
   } catch (const rt::InputError& error) {
     return fmt::format("no ATE and RPE: {}\n", error.what());
   }

@@ -7,6 +7,7 @@
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/nets/onnx_segmenter.hpp"
+#include "io/formats/format.hpp"
 #include "targets.hpp"
 
 namespace dynslam::fuzz {
@@ -49,6 +50,41 @@ void camera(Bytes bytes) {
   }
 }
 
+/// What formats write beside their images: poses and cameras.
+template <class Parse>
+void parse_text(Bytes bytes, Parse&& parse) {
+  std::istringstream in(text_of(bytes));
+  try {
+    parse(in);
+  } catch (const InputError&) {
+  }
+}
+
+void pose_matrix(Bytes bytes) {
+  parse_text(bytes, [](std::istream& in) {
+    if (const auto matrix = formats::parse_matrix(in, "pose")) (void)formats::rigid_motion(*matrix);
+  });
+}
+
+void pose_rows(Bytes bytes) {
+  parse_text(bytes, [](std::istream& in) { (void)formats::parse_pose_rows(in, "traj"); });
+}
+
+void pose_log(Bytes bytes) {
+  parse_text(bytes, [](std::istream& in) { (void)formats::parse_log(in, "log"); });
+}
+
+void eth3d_camera(Bytes bytes) {
+  parse_text(bytes, [](std::istream& in) {
+    (void)formats::parse_eth3d_camera(in, {640, 480}, "calibration");
+  });
+}
+
+void json_cameras(Bytes bytes) {
+  parse_text(bytes, [&](std::istream&) { (void)formats::parse_replica_camera(text_of(bytes), "replica"); });
+  parse_text(bytes, [&](std::istream&) { (void)formats::parse_open3d_camera(text_of(bytes), "open3d"); });
+}
+
 void class_names(Bytes bytes) {
   (void)parse_class_names(text_of(bytes));
 }
@@ -74,6 +110,30 @@ void add_text_targets(std::vector<Target>& targets) {
          return std::vector<std::string>{
              "name = room\nwidth = 640\nheight = 480\nfx = 517.3\nfy = 516.5\ncx = 318.6\ncy = 255.3\n"
              "k1 = 0.26\nk2 = -0.95\np1 = -0.005\np2 = 0.003\nk3 = 1.16\ndepth_units_per_metre = 5000\n"};
+       }});
+  targets.push_back({"pose_matrix", pose_matrix, [] {
+                       return std::vector<std::string>{
+                           "1 0 0 1e-1\n0 1 0 -2\n0 0 1 3\n0 0 0 1\n",
+                           "-inf -inf -inf -inf\n-inf 1 0 0\n0 0 nan 0\n0 0 0 1\n"};
+                     }});
+  targets.push_back({"pose_rows", pose_rows, [] {
+                       return std::vector<std::string>{
+                           "0 -1 0 1 1 0 0 2 0 0 1 3 0 0 0 1\n"
+                           "1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\n"};
+                     }});
+  targets.push_back({"pose_log", pose_log, [] {
+                       return std::vector<std::string>{
+                           "0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
+                           "3 3 4\n1 0 0 0\n0 1 0 0\n0 0 1 1\n0 0 0 1\n"};
+                     }});
+  targets.push_back({"eth3d_camera", eth3d_camera,
+                     [] { return std::vector<std::string>{"726.28 726.28 354.65 186.47\n"}; }});
+  targets.push_back(
+      {"json_cameras", json_cameras, [] {
+         return std::vector<std::string>{
+             R"({"camera": {"w": 1200, "h": 680, "fx": 600.0, "fy": 600.0, "cx": 599.5, "cy": 339.5,
+                 "scale": 6553.5}})",
+             R"({"width": 640, "height": 480, "intrinsic_matrix": [525, 0, 0, 0, 525, 0, 319.5, 239.5, 1]})"};
        }});
   targets.push_back({"class_names", class_names, [] {
                        return std::vector<std::string>{"{0: 'person', 1: 'bicycle', 2: \"traffic light\"}"};

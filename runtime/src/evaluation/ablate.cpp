@@ -177,9 +177,7 @@ void write_overlays(const Ablation& ablation, const Sequence& sequence, const fs
 
 Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
                 const std::function<void(DynamicsMode, const Progress&)>& progress) {
-  SequenceOptions sequence_options;
-  sequence_options.max_frames = options.max_frames;
-  const Sequence sequence = load_sequence(options.sequence, sequence_options);
+  const Sequence sequence = load_sequence(options.sequence, sequence_options(options));
   if (sequence.groundtruth.empty())
     throw InputError((options.sequence / "groundtruth.txt").string(), 0,
                      "is missing: the ablation needs ground truth");
@@ -213,7 +211,7 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
     try {
       row.trajectory =
           evaluate_trajectory(row.run.trajectory, sequence.groundtruth, (run.out / "trajectory.txt").string(),
-                              (options.sequence / "groundtruth.txt").string());
+                              sequence.truth_file.string());
     } catch (const InputError& error) {  // one mode that fails is a result, too
       row.not_comparable = error.what();
     }

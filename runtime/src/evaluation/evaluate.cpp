@@ -64,8 +64,20 @@ TrajectoryReport evaluate_trajectory(std::span<const StampedPose<double>> estima
 }
 
 TrajectoryReport evaluate_trajectory(const fs::path& estimate, const fs::path& groundtruth) {
-  const auto est = read_trajectory(estimate), gt = read_trajectory(groundtruth);
-  return evaluate_trajectory(est, gt, estimate.string(), groundtruth.string());
+  return evaluate_trajectory(estimate, groundtruth, SequenceOptions{});
+}
+
+TrajectoryReport evaluate_trajectory(const fs::path& estimate, const fs::path& groundtruth,
+                                     const SequenceOptions& options) {
+  const fs::path file = fs::is_directory(estimate) ? estimate / "trajectory.txt" : estimate;
+  const auto est = read_trajectory(file);
+  if (!fs::is_directory(groundtruth))
+    return evaluate_trajectory(est, read_trajectory(groundtruth), file.string(), groundtruth.string());
+  const Sequence sequence = load_sequence(groundtruth, options);
+  if (sequence.groundtruth.empty())
+    throw InputError(groundtruth.string(), 0,
+                     fmt::format("has no ground truth; its format is {}", sequence.format));
+  return evaluate_trajectory(est, sequence.groundtruth, file.string(), sequence.truth_file.string());
 }
 
 nlohmann::json to_json(const TrajectoryReport& report) {

@@ -37,15 +37,22 @@ struct Ball {
   double radius;
 };
 
+SequenceOptions reading(const MaskFaultOptions& options) {
+  SequenceOptions result;
+  result.format = options.format;
+  result.rate = options.rate;
+  return result;
+}
+
 class MaskFaults {
  public:
   explicit MaskFaults(const MaskFaultOptions& options)
       : options_(options),
-        sequence_(load_sequence(options.sequence)),
-        camera_(load_camera(options.camera.empty() ? sequence_.camera_hint : options.camera)),
+        sequence_(load_sequence(options.sequence, reading(options))),
+        camera_(camera_of(sequence_, options.camera)),
         random_(options.seed) {
     if (sequence_.groundtruth.empty())
-      throw InputError(options.sequence.string(), 0, "has no groundtruth.txt to place an object by");
+      throw InputError(options.sequence.string(), 0, "has no ground truth to place an object by");
     truth_ = options.sequence / "dynamic_mask";
     object_ = find_object();
   }

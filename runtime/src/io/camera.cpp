@@ -37,11 +37,13 @@ std::string_view trim(std::string_view text) {
 }  // namespace
 
 CameraConfig parse_camera(std::istream& in, const std::string& file) {
-  std::map<std::string, double, std::less<>> value{{"k1", 0}, {"k2", 0}, {"p1", 0},
-                                                   {"p2", 0}, {"k3", 0}, {"depth_units_per_metre", 5000}};
+  std::map<std::string, double, std::less<>> value{
+      {"k1", 0},           {"k2", 0}, {"p1", 0}, {"p2", 0}, {"k3", 0}, {"depth_units_per_metre", 5000},
+      {"invalid_depth", 0}};
   std::string name = std::filesystem::path(file).stem().string();
-  constexpr std::array<std::string_view, 12> keys{
-      "width", "height", "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "depth_units_per_metre"};
+  constexpr std::array<std::string_view, 13> keys{
+      "width",        "height", "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "depth_units_per_metre",
+      "invalid_depth"};
   LineReader reader(in);
   while (reader.next()) {
     const std::string_view line = reader.line();
@@ -77,11 +79,15 @@ CameraConfig parse_camera(std::istream& in, const std::string& file) {
     throw InputError(file, 0, "fx, fy, cx and cy let a pixel look more than 87 degrees aside");
   if (!(value["depth_units_per_metre"] > 0))
     throw InputError(file, 0, "depth_units_per_metre must be positive");
+  const double invalid = value["invalid_depth"];
+  if (!(invalid >= 0 && invalid <= 65535) || invalid != static_cast<int>(invalid))
+    throw InputError(file, 0, "invalid_depth must be a whole number from 0 to 65535");
   CameraConfig camera =
       make(name, {value["fx"], value["fy"], value["cx"], value["cy"]},
            {value["k1"], value["k2"], value["p1"], value["p2"], value["k3"]}, value["depth_units_per_metre"]);
   camera.width = static_cast<int>(width);
   camera.height = static_cast<int>(height);
+  camera.invalid_depth = static_cast<int>(invalid);
   return camera;
 }
 
@@ -96,12 +102,17 @@ CameraConfig load_camera(const std::string& name_or_file) {
                 {0.231222, -0.784899, -0.003257, -0.000105, 0.917205}, 5208);
   }
   if (name_or_file == "fr3") return make("fr3", {535.4, 539.2, 320.1, 247.6}, {0, 0, 0, 0, 0}, 5000);
+  // Published with the Bonn RGB-D Dynamic data set.
+  if (name_or_file == "bonn") {
+    return make("bonn", {542.822841, 542.576870, 315.593520, 237.756098},
+                {0.039903, -0.099343, -0.000730, -0.000144, 0}, 5000);
+  }
   if (name_or_file.empty())
-    throw UsageError("the camera is not known from the sequence: give --camera fr1|fr2|fr3|FILE");
+    throw UsageError("the camera is not known from the sequence: give --camera fr1|fr2|fr3|bonn|FILE");
   std::error_code error;
   if (!std::filesystem::exists(name_or_file, error) || std::filesystem::is_directory(name_or_file, error)) {
     throw UsageError(
-        fmt::format("unknown camera '{}': neither fr1, fr2, fr3 nor a readable file", name_or_file));
+        fmt::format("unknown camera '{}': neither fr1, fr2, fr3, bonn nor a readable file", name_or_file));
   }
   std::istringstream in(read_file(name_or_file));
   return parse_camera(in, name_or_file);

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <opencv2/core/check.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
@@ -31,6 +32,8 @@ cv::Mat depth_in_metres(const cv::Mat& depth, const CameraConfig& camera) {
   cv::Mat metres(depth.size(), CV_32FC1);
   depth_to_metres<float>(interop::view<const std::uint16_t>(depth),
                          static_cast<float>(camera.depth_units_per_metre), interop::view<float>(metres));
+  if (camera.invalid_depth > 0)  // 0 is none in every format
+    metres.setTo(std::numeric_limits<float>::quiet_NaN(), depth == camera.invalid_depth);
   return metres;
 }
 

@@ -4,27 +4,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
-#include <new>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
-#include <sstream>
+#include <cctype>
 #include <string_view>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/io/image_io.hpp"
-#include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
-#include "dynslam/runtime/io/trajectory_io.hpp"
-#include "io/argument_check.hpp"
-#include "io/frame_of_images.hpp"
-#include "threads/thread_priority.hpp"
 
 namespace dynslam::runtime {
 namespace {
-
-namespace fs = std::filesystem;
 
 double parse_stamp(std::string_view word, const std::string& name, std::size_t line) {
   const auto t = parse_number(word);
@@ -37,26 +25,12 @@ void check_increasing(double previous, double t, const std::string& name, std::s
   if (t < previous) throw InputError(name, line, "the time stamps are not sorted");
 }
 
-std::vector<ListEntry> read_list(const fs::path& path) {
-  std::istringstream in(read_file(path));
-  auto list = parse_list(in, path.string());
-  if (list.empty()) throw InputError(path.string(), 0, "lists no images");
-  return list;
-}
-
-/// TUM names the camera in its folder names: rgbd_dataset_freiburg1_xyz, fr1_xyz.
-std::string guess_camera(const fs::path& root) {
-  if (fs::exists(root / "camera.txt")) return (root / "camera.txt").string();
-  fs::path folder = fs::absolute(root).lexically_normal();
-  if (!folder.has_filename()) folder = folder.parent_path();
-  const std::string name = folder.filename().string();
-  for (const char digit : {'1', '2', '3'}) {
-    if (name.find(std::string("freiburg") + digit) != std::string::npos ||
-        name.starts_with(std::string("fr") + digit)) {
-      return std::string("fr") + digit;
-    }
-  }
-  return {};
+/// Whether a path says that it is a depth image: associations have either order.
+bool names_depth(std::string_view path) {
+  std::string lower(path);
+  std::transform(lower.begin(), lower.end(), lower.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return lower.find("depth") != std::string::npos;
 }
 
 }  // namespace
@@ -90,107 +64,17 @@ std::vector<FrameRecord> parse_associations(std::istream& in, const std::string&
                       words.size()));
     }
     FrameRecord record;
-    record.t_rgb = parse_stamp(words[0], name, reader.number());
-    record.t_depth = parse_stamp(words[2], name, reader.number());
+    const std::size_t rgb = names_depth(words[1]) && !names_depth(words[3]) ? 2 : 0, depth = 2 - rgb;
+    record.t_rgb = parse_stamp(words[rgb], name, reader.number());
+    record.t_depth = parse_stamp(words[depth], name, reader.number());
     if (!frames.empty()) check_increasing(frames.back().t_rgb, record.t_rgb, name, reader.number());
-    record.stamp = words[0];
-    record.rgb = words[1];
-    record.depth = words[3];
+    record.stamp = words[rgb];
+    record.rgb = words[rgb + 1];
+    record.depth = words[depth + 1];
     frames.push_back(std::move(record));
   }
   if (in.bad()) throw InputError(name, 0, "cannot be read");
   return frames;
-}
-
-Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
-  if (!fs::is_directory(root)) throw InputError(root.string(), 0, "is not a folder");
-  Sequence sequence;
-  sequence.root = root;
-  if (const fs::path path = root / "associations.txt"; fs::exists(path)) {
-    std::istringstream in(read_file(path));
-    sequence.frames = parse_associations(in, path.string());
-    if (sequence.frames.empty()) throw InputError(path.string(), 0, "lists no images");
-  } else {
-    const auto rgb = read_list(root / "rgb.txt"), depth = read_list(root / "depth.txt");
-    std::vector<double> t_rgb, t_depth;
-    for (const auto& e : rgb) t_rgb.push_back(e.t);
-    for (const auto& e : depth) t_depth.push_back(e.t);
-    for (const auto& [i, j] : associate(t_rgb, t_depth, options.max_association_difference)) {
-      sequence.frames.push_back({rgb[i].t, depth[j].t, rgb[i].stamp, rgb[i].path, depth[j].path});
-    }
-    if (sequence.frames.empty()) {
-      throw InputError(
-          root.string(), 0,
-          fmt::format("no colour image has a depth image within {} s", options.max_association_difference));
-    }
-  }
-  for (FrameRecord& record : sequence.frames) {
-    record.rgb = root / record.rgb;
-    record.depth = root / record.depth;
-  }
-  if (options.max_frames > 0 && sequence.frames.size() > options.max_frames)
-    sequence.frames.resize(options.max_frames);
-  if (const fs::path path = root / "groundtruth.txt"; fs::exists(path))
-    sequence.groundtruth = read_trajectory(path);
-  sequence.camera_hint = guess_camera(root);
-  return sequence;
-}
-
-RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const CameraConfig& camera) {
-  (void)checked(camera);
-  const auto decode = [&](const fs::path& path, int flags) {
-    const EncodedImage image(path);
-    if (const cv::Size size = image.size(); size != cv::Size(camera.width, camera.height)) {
-      throw InputError(path.string(), 0,
-                       fmt::format("is {}x{}, the camera's images are {}x{}", size.width, size.height,
-                                   camera.width, camera.height));
-    }
-    return image.decode(flags);
-  };
-  RgbdFrame frame;
-  frame.index = index;
-  frame.t = record.t_rgb;
-  frame.depth_delay = record.t_depth - record.t_rgb;
-  frame.stamp = record.stamp;
-  frame.bgr = decode(record.rgb, cv::IMREAD_COLOR);
-  const cv::Mat raw = decode(record.depth, cv::IMREAD_UNCHANGED);
-  if (raw.type() != CV_16UC1)
-    throw InputError(record.depth.string(), 0, "is not a 16-bit image of one channel");
-  cv::cvtColor(frame.bgr, frame.gray, cv::COLOR_BGR2GRAY);
-  frame.depth = depth_in_metres(raw, camera);
-  return frame;
-}
-
-FrameStream::FrameStream(const Sequence& sequence, const CameraConfig& camera, const StreamOptions& options)
-    : frames_(sequence.frames),
-      camera_(checked(camera)),
-      options_(options),
-      queue_(options.queue),
-      thread_([this](const std::stop_token& stop) { decode(stop); }) {}
-
-void FrameStream::decode(const std::stop_token& stop) {
-  step_back(StepBack::some);
-  for (std::size_t i = 0; i < frames_.size() && !stop.stop_requested(); ++i) {
-    FrameResult result;
-    result.index = i;
-    result.record = frames_[i];
-    try {
-      result.frame = decode_frame(frames_[i], i, camera_);
-      if (options_.prepare) options_.prepare(*result.frame);
-    } catch (const std::bad_alloc&) {
-      result.error = frames_[i].rgb.string() + ": there is not enough memory to decode it";
-      result.frame.reset();
-    } catch (const std::exception& error) {  // a broken frame is the reader's to judge, not the thread's
-      result.error = error.what();
-      result.frame.reset();
-    }
-    if (!queue_.push(std::move(result), stop)) return;
-  }
-  queue_.close();
-}
-
-std::optional<FrameResult> FrameStream::next() {
-  return queue_.pop();
 }
 
 }  // namespace dynslam::runtime

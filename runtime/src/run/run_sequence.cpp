@@ -14,11 +14,11 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
+#include "dynslam/runtime/io/frame_stream.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/runtime/io/saved_map.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
-#include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/slam.hpp"
 #include "dynslam/runtime/slam/frame_preparation.hpp"
 #include "dynslam/runtime/stopwatch.hpp"
@@ -49,12 +49,6 @@ void check_request(const RunOptions& options) {
   if (!options.save_map.empty() && lies_in(options.out, options.save_map))
     throw UsageError(fmt::format("--out {} lies in the folder of --save-map, which is replaced as a whole",
                                  options.out.string()));
-}
-
-SequenceOptions sequence_options(const RunOptions& options) {
-  SequenceOptions result;
-  result.max_frames = options.max_frames;
-  return result;
 }
 
 SlamOptions slam_options(const RunOptions& options) {
@@ -121,7 +115,7 @@ class Run {
 Run::Run(const RunOptions& options)
     : options_(options),
       sequence_(load_sequence(options.sequence, sequence_options(options))),
-      camera_(load_camera(options.camera.empty() ? sequence_.camera_hint : options.camera)) {
+      camera_(camera_of(sequence_, options.camera)) {
   if (uses_semantic(options.dynamics) && !uses_network(options)) masks_.emplace(options.masks, MaskOptions{});
   summary_.interrupted = true;  // until the run has ended
   prepare_outputs();
@@ -281,6 +275,14 @@ RunSummary Run::summary() {
 }
 
 }  // namespace
+
+SequenceOptions sequence_options(const RunOptions& options) {
+  SequenceOptions result;
+  result.max_frames = options.max_frames;
+  result.format = options.format;
+  result.rate = options.rate;
+  return result;
+}
 
 RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop,
                         const std::function<void(const Progress&)>& progress) {

@@ -13,6 +13,8 @@ namespace {
 nlohmann::json configuration(const RunOptions& options, const CameraConfig& camera) {
   const TrackerOptions& t = options.tracker;
   return {{"sequence", options.sequence.string()},
+          {"format", options.format},
+          {"rate", options.rate},
           {"camera", camera.name},
           {"dynamics", std::string(to_string(options.dynamics))},
           {"method", std::string(to_string(t.method))},

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "dynslam/eval/trajectory.hpp"
+#include "dynslam/runtime/io/sequence.hpp"
 
 namespace dynslam::runtime {
 
@@ -25,6 +26,11 @@ struct TrajectoryReport {
                                                    const std::string& est_name, const std::string& gt_name);
 [[nodiscard]] TrajectoryReport evaluate_trajectory(const std::filesystem::path& estimate,
                                                    const std::filesystem::path& groundtruth);
+/// The same by folders: `estimate` may be the folder of a run, `groundtruth` that of a sequence, whose format
+/// says where its poses are and what they mean.
+[[nodiscard]] TrajectoryReport evaluate_trajectory(const std::filesystem::path& estimate,
+                                                   const std::filesystem::path& groundtruth,
+                                                   const SequenceOptions& options);
 /// {"pairs": n, "ate_m": S, "rpe_trans_m": S, "rpe_rot_deg": S}, S = {"rmse", "mean", "median", "std", "min",
 /// "max"}
 [[nodiscard]] nlohmann::json to_json(const TrajectoryReport& report);

@@ -1,57 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstddef>
-#include <filesystem>
-#include <functional>
 #include <istream>
-#include <memory>
-#include <opencv2/core.hpp>
-#include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
-#include "dynslam/eval/trajectory.hpp"
-#include "dynslam/runtime/io/camera.hpp"
-#include "dynslam/runtime/threads/bounded_queue.hpp"
+#include "dynslam/runtime/io/frame_stream.hpp"
+#include "dynslam/runtime/io/sequence.hpp"
 
 namespace dynslam::runtime {
-
-struct ImageFeatures;  // of slam/feature_extractor.hpp; reading knows nothing of it
-
-/// One colour image with its depth image.
-struct FrameRecord {
-  double t_rgb = 0, t_depth = 0;  ///< seconds
-  std::string stamp;              ///< colour time as the list prints it; names masks and results
-  std::filesystem::path rgb, depth;
-};
-
-struct RgbdFrame {
-  std::size_t index = 0;   ///< in the sequence, broken frames counted; the tracker counts for itself
-  double t = 0;            ///< colour time [s]
-  double depth_delay = 0;  ///< depth time less colour time [s]
-  std::string stamp;
-  cv::Mat bgr;    ///< CV_8UC3
-  cv::Mat gray;   ///< CV_8UC1
-  cv::Mat depth;  ///< CV_32FC1 metres, NaN = invalid
-  // What FramePreparation adds; empty where it was not asked.
-  std::shared_ptr<const ImageFeatures> features;
-  double preparation_ms = 0;
-};
-
-/// A TUM RGB-D sequence on disk.
-struct Sequence {
-  std::filesystem::path root;
-  std::vector<FrameRecord> frames;               ///< by colour time
-  std::string camera_hint;                       ///< fr1, fr2, fr3, the sequence's camera.txt, or empty
-  std::vector<StampedPose<double>> groundtruth;  ///< empty where there is no groundtruth.txt
-};
-
-struct SequenceOptions {
-  double max_association_difference = 0.02;  ///< seconds between colour and depth
-  std::size_t max_frames = 0;                ///< 0: all
-};
 
 /// A line of rgb.txt or depth.txt.
 struct ListEntry {
@@ -60,45 +17,8 @@ struct ListEntry {
 };
 /// Reads "timestamp path" lines. @throws InputError with the line: malformed, or stamps not increasing
 [[nodiscard]] std::vector<ListEntry> parse_list(std::istream& in, const std::string& name);
-/// Reads "rgb_stamp rgb_path depth_stamp depth_path" lines. @throws InputError like parse_list
+/// Reads "rgb_stamp rgb_path depth_stamp depth_path" lines; the two images may change places where the paths
+/// say which one is depth. @throws InputError like parse_list
 [[nodiscard]] std::vector<FrameRecord> parse_associations(std::istream& in, const std::string& name);
-
-/// Reads a sequence's lists: associations.txt where present, else rgb.txt and depth.txt paired by
-/// TUM's greedy one-to-one rule. Images are not opened. @throws InputError
-[[nodiscard]] Sequence load_sequence(const std::filesystem::path& root, const SequenceOptions& options = {});
-
-/// Decodes one frame. @throws InputError naming the file: missing, truncated, of wrong type or size
-[[nodiscard]] RgbdFrame decode_frame(const FrameRecord& record, std::size_t index,
-                                     const CameraConfig& camera);
-
-struct StreamOptions {
-  std::size_t queue = 4;                      ///< frames decoded ahead
-  std::function<void(RgbdFrame&)> prepare{};  ///< called with each frame on the decoding thread
-};
-
-/// A frame, or why there is none.
-struct FrameResult {
-  std::size_t index = 0;
-  FrameRecord record;
-  std::optional<RgbdFrame> frame;
-  std::string error;  ///< one line where `frame` is empty
-};
-
-/// Frames of a sequence in order, decoded ahead on a thread of its own.
-class FrameStream {
- public:
-  FrameStream(const Sequence& sequence, const CameraConfig& camera, const StreamOptions& options = {});
-  /// Next frame, broken ones included; nullopt at the end.
-  std::optional<FrameResult> next();
-
- private:
-  void decode(const std::stop_token& stop);
-
-  std::vector<FrameRecord> frames_;
-  CameraConfig camera_;
-  StreamOptions options_;
-  BoundedQueue<FrameResult> queue_;
-  std::jthread thread_;  // last: it uses all of the above
-};
 
 }  // namespace dynslam::runtime

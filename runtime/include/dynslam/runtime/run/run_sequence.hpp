@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "dynslam/eval/trajectory.hpp"
+#include "dynslam/runtime/io/sequence.hpp"
 #include "dynslam/runtime/nets/segmentation_stage.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
 
@@ -18,7 +19,9 @@ namespace dynslam::runtime {
 /// What `dynslam run` does.
 struct RunOptions {
   std::filesystem::path sequence, out;
-  std::string camera;  ///< fr1, fr2, fr3 or a file; empty: from the sequence
+  std::string camera;  ///< fr1, fr2, fr3, bonn or a file; empty: from the sequence
+  std::string format;  ///< of the sequence, see sequence_formats(); empty: by looking at the folder
+  double rate = 30;    ///< frames per second, of formats without time stamps
   DynamicsMode dynamics = DynamicsMode::both;
   std::filesystem::path masks;            ///< folder of a-priori masks; empty: none
   SegmentationStageOptions segmentation;  ///< used where its model is set; not together with `masks`
@@ -61,6 +64,9 @@ struct RunSummary {
   std::vector<std::string> problems;                                ///< one line each, in order of frames
   bool interrupted = false;
 };
+
+/// How a run reads its sequence.
+[[nodiscard]] SequenceOptions sequence_options(const RunOptions& options);
 
 /// Runs a sequence and writes trajectory.txt, keyframes.txt, map.ot (and map_color.ot for octovis),
 /// timings.csv, summary.json and masks/ into `options.out`. What was computed is saved also when `stop`

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "format_options.hpp"
+
+#include <fmt/format.h>
+
+#include <vector>
+
+#include "dynslam/runtime/io/sequence.hpp"
+#include "validators.hpp"
+
+namespace dynslam::app {
+
+void add_format_options(CLI::App& app, std::string& format, double& rate) {
+  std::vector<std::string> names;
+  for (const auto& known : runtime::sequence_formats()) names.emplace_back(known.name);
+  app.add_option("--format", format,
+                 fmt::format("Format of the sequence: {} (default: by looking at the folder)",
+                             fmt::join(names, ", ")))
+      ->check(CLI::IsMember(names));
+  app.add_option("--rate", rate, "Frames per second of a sequence without time stamps")
+      ->capture_default_str()
+      ->check(number_in(0.001, 1000));
+}
+
+}  // namespace dynslam::app

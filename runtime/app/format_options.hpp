@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+namespace dynslam::app {
+
+/// --format and --rate, of every command that opens a sequence.
+void add_format_options(CLI::App& app, std::string& format, double& rate);
+
+}  // namespace dynslam::app

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+
+namespace dynslam::app {
+
+/// `dynslam info`: what a sequence is, and what is odd about it.
+class InfoCommand {
+ public:
+  explicit InfoCommand(CLI::App& app);
+  ~InfoCommand();
+  [[nodiscard]] bool chosen() const;
+  /// @return exit code: 0 also where something is odd @throws InputError, UsageError
+  [[nodiscard]] int run() const;
+
+ private:
+  struct Options;
+  std::unique_ptr<Options> o_;
+};
+
+}  // namespace dynslam::app

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <opencv2/core/types.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "dynslam/eval/trajectory.hpp"
+#include "dynslam/runtime/io/camera.hpp"
+
+namespace dynslam::runtime {
+
+/// One colour image with its depth image.
+struct FrameRecord {
+  double t_rgb = 0, t_depth = 0;  ///< seconds
+  std::string stamp;              ///< colour time or number as the folder prints it; names masks and results
+  std::filesystem::path rgb, depth;
+  cv::Size colour_size{};  ///< of the colour file [px] where it is to be scaled to the camera's; else empty
+};
+
+/// A recorded sequence on disk: what every format fills.
+struct Sequence {
+  std::filesystem::path root;
+  std::string format{};                            ///< tum, 7-scenes, ...: one of sequence_formats()
+  std::vector<FrameRecord> frames{};               ///< by colour time
+  std::string camera_hint{};                       ///< fr1, fr2, fr3, the sequence's camera.txt, or empty
+  std::vector<StampedPose<double>> groundtruth{};  ///< empty where there is none
+  std::optional<CameraConfig> camera{};            ///< that the format brings; camera_hint goes before it
+  std::string camera_source{};                     ///< where `camera` is from, for people
+  std::string folder_camera{};         ///< fr1, fr2, fr3, bonn where the folder's name speaks of it
+  std::filesystem::path truth_file{};  ///< file or folder of the ground truth
+  std::vector<double> colour_times{}, depth_times{};  ///< of all images, those without a partner, too [s]
+  bool has_stamps = true;  ///< times are recorded; else they are frame number / rate
+};
+
+struct SequenceOptions {
+  double max_association_difference = 0.02;  ///< seconds between colour and depth
+  std::size_t max_frames = 0;                ///< 0: all
+  std::string format{};                      ///< one of sequence_formats(); empty: by looking at the folder
+  double rate = 30;                          ///< frames per second, of formats without time stamps
+};
+
+/// A format and the files that it is recognised by.
+struct SequenceFormat {
+  std::string_view name, files;
+};
+/// All formats: tum, bonn, eth3d, icl-nuim, 7-scenes, replica, scannet, redwood. See docs/your-own-data.md.
+[[nodiscard]] std::vector<SequenceFormat> sequence_formats();
+/// The formats that a folder looks like; more than one where it holds the files of several.
+[[nodiscard]] std::vector<std::string> formats_of(const std::filesystem::path& root);
+
+/// Reads a sequence's lists, camera and ground truth; images are not decoded. A camera.txt in the folder
+/// goes before the camera of the format.
+/// @throws InputError  a folder of no known format, or of several; files that are missing or malformed
+/// @throws UsageError  an unknown name of a format
+[[nodiscard]] Sequence load_sequence(const std::filesystem::path& root, const SequenceOptions& options = {});
+
+/// The camera of a sequence, or the one named instead (see load_camera(); values that mean "no depth" are
+/// the format's where that camera names none).
+/// @throws UsageError where neither the sequence nor `name_or_file` says it, InputError for a bad file
+[[nodiscard]] CameraConfig camera_of(const Sequence& sequence, const std::string& name_or_file = {});
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the formats of sequences share. Internal to the runtime.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <istream>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "dynslam/runtime/io/sequence.hpp"
+
+namespace dynslam::runtime::formats {
+
+/// A format of sequences: whether a folder has the files that this one alone has, and how it is read.
+struct Format {
+  std::string_view name, files;
+  bool (*matches)(const std::filesystem::path& root);
+  /// Fills frames with full paths, times, camera and ground truth. @throws InputError
+  Sequence (*load)(const std::filesystem::path& root, const SequenceOptions& options);
+};
+
+extern const Format kTum, kBonn, kEth3d, kIclNuim, kSevenScenes, kReplica, kScanNet, kRedwood;
+
+/// The name of a folder, also where the path ends in a slash or is a dot.
+[[nodiscard]] std::string folder_name(const std::filesystem::path& root);
+
+/// Frames listed by TUM's files: associations in the file of that name where it is there, else rgb.txt and
+/// depth.txt. @throws InputError
+void read_lists(Sequence& sequence, const std::string& associations, const SequenceOptions& options);
+
+/// A file whose name is PREFIX NUMBER[-MICROSECONDS] SUFFIX.
+struct NumberedFile {
+  std::uint64_t number = 0;
+  std::optional<std::uint64_t> microseconds;
+  std::string stem;  ///< prefix and numbers, as the name has them
+  std::filesystem::path path;
+};
+/// The files of a folder by number (10 comes after 9), the suffixes in any case of letters; numbers of at
+/// most 9 digits. Empty where there is no such folder. @throws InputError where a number occurs twice
+[[nodiscard]] std::vector<NumberedFile> numbered_files(const std::filesystem::path& folder,
+                                                       std::string_view prefix,
+                                                       std::span<const std::string_view> suffixes);
+inline constexpr std::array<std::string_view, 3> kImageSuffixes{".png", ".jpg", ".jpeg"};
+
+/// Pairs images of equal numbers; times are number / rate. Images without a partner are in the times alone.
+/// @throws InputError where no two belong together
+void pair_by_number(Sequence& sequence, const std::vector<NumberedFile>& colour,
+                    const std::vector<NumberedFile>& depth, double rate);
+
+/// A rigid motion from a matrix [R t; 0 0 0 1]; nullopt where it is none (R is orthonormal within 0.02).
+[[nodiscard]] std::optional<SE3<double>> rigid_motion(const Eigen::Matrix4d& matrix);
+
+/// A 4x4 matrix of four lines; nullopt where it holds inf or nan: the pose is not known.
+/// @throws InputError (line) for anything else that is no matrix
+[[nodiscard]] std::optional<Eigen::Matrix4d> parse_matrix(std::istream& in, const std::string& name);
+/// One 4x4 matrix of 16 numbers per line, camera to world. @throws InputError (line)
+[[nodiscard]] std::vector<SE3<double>> parse_pose_rows(std::istream& in, const std::string& name);
+/// A pose of a .log file: three whole numbers, of which the first is the frame's index from 0, and a matrix.
+struct LogPose {
+  std::size_t index = 0;
+  SE3<double> T_w_c;
+};
+/// @throws InputError (line)
+[[nodiscard]] std::vector<LogPose> parse_log(std::istream& in, const std::string& name);
+/// The pose in each file PREFIX NUMBER SUFFIX at NUMBER / rate. @throws InputError
+[[nodiscard]] std::vector<StampedPose<double>> read_pose_files(const std::filesystem::path& folder,
+                                                               std::string_view prefix,
+                                                               std::string_view suffix, double rate);
+
+/// Plain pinhole numbers, checked as a camera file's are.
+struct PinholeNumbers {
+  double width = 0, height = 0, fx = 0, fy = 0, cx = 0, cy = 0, units = 0;
+};
+/// @throws InputError naming the file
+[[nodiscard]] CameraConfig pinhole_camera(const std::string& name, const PinholeNumbers& numbers,
+                                          const std::string& file);
+/// NICE-SLAM's cam_params.json: {"camera": {"w", "h", "fx", "fy", "cx", "cy", "scale"}}. @throws InputError
+[[nodiscard]] CameraConfig parse_replica_camera(const std::string& text, const std::string& file);
+/// Open3D's {"width", "height", "intrinsic_matrix": 9 numbers by columns}; 1000 depth units per metre.
+/// @throws InputError
+[[nodiscard]] CameraConfig parse_open3d_camera(const std::string& text, const std::string& file);
+/// ETH3D's "fx fy cx cy"; the size is that of the images. @throws InputError (line)
+[[nodiscard]] CameraConfig parse_eth3d_camera(std::istream& in, cv::Size size, const std::string& file);
+
+/// Size of the first image of these that can be read. @throws InputError of the last one where none can
+[[nodiscard]] cv::Size first_size(const std::vector<FrameRecord>& frames, bool depth);
+
+}  // namespace dynslam::runtime::formats

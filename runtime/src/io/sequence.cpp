@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/io/sequence.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <system_error>
+
+#include "dynslam/runtime/error.hpp"
+#include "io/formats/format.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+namespace fs = std::filesystem;
+using formats::Format;
+
+constexpr std::array<const Format*, 8> kFormats{
+    &formats::kTum,         &formats::kBonn,    &formats::kEth3d,   &formats::kIclNuim,
+    &formats::kSevenScenes, &formats::kReplica, &formats::kScanNet, &formats::kRedwood};
+
+std::string names() {
+  std::string text;
+  for (const Format* format : kFormats) text += fmt::format("{}{}", text.empty() ? "" : "|", format->name);
+  return text;
+}
+
+/// The first names in a folder, for a message.
+std::string contents(const fs::path& root) {
+  std::vector<std::string> found;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(root, error))
+    found.push_back(entry.path().filename().string() + (entry.is_directory(error) ? "/" : ""));
+  std::sort(found.begin(), found.end());
+  constexpr std::size_t kShown = 6;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(kShown, found.size()); ++i)
+    text += fmt::format("{}{}", i > 0 ? ", " : "", found[i]);
+  if (found.size() > kShown) text += fmt::format(" and {} more", found.size() - kShown);
+  return found.empty() ? "nothing" : text;
+}
+
+const Format& format_by_name(const std::string& name) {
+  const auto found =
+      std::find_if(kFormats.begin(), kFormats.end(), [&](const Format* f) { return f->name == name; });
+  if (found == kFormats.end()) throw UsageError(fmt::format("unknown format '{}': {}", name, names()));
+  return **found;
+}
+
+const Format& format_by_looking(const fs::path& root) {
+  std::vector<const Format*> matching;
+  for (const Format* format : kFormats) {
+    if (format->matches(root)) matching.push_back(format);
+  }
+  if (matching.size() == 1) return *matching.front();
+  if (matching.empty())
+    throw InputError(root.string(), 0,
+                     fmt::format("is of no known format; it holds {}. Each format's files are in "
+                                 "docs/your-own-data.md; --format {} names one",
+                                 contents(root), names()));
+  std::string found;
+  for (const Format* format : matching)
+    found += fmt::format("{}{} ({})", found.empty() ? "" : " and of ", format->name, format->files);
+  throw InputError(root.string(), 0,
+                   fmt::format("has the files of {}: say which is meant with --format NAME", found));
+}
+
+}  // namespace
+
+std::vector<SequenceFormat> sequence_formats() {
+  std::vector<SequenceFormat> all;
+  for (const Format* format : kFormats) all.push_back({format->name, format->files});
+  return all;
+}
+
+std::vector<std::string> formats_of(const fs::path& root) {
+  std::vector<std::string> found;
+  for (const Format* format : kFormats) {
+    if (format->matches(root)) found.emplace_back(format->name);
+  }
+  return found;
+}
+
+Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
+  if (!(options.rate > 0 && options.rate <= 1e6))
+    throw UsageError(fmt::format("a rate of {} frames per second is none", options.rate));
+  if (!fs::is_directory(root)) throw InputError(root.string(), 0, "is not a folder");
+  const Format& format = options.format.empty() ? format_by_looking(root) : format_by_name(options.format);
+  Sequence sequence = format.load(root, options);
+  sequence.format = std::string(format.name);
+  if (sequence.groundtruth.empty()) sequence.truth_file.clear();
+  if (fs::exists(root / "camera.txt")) sequence.camera_hint = (root / "camera.txt").string();
+  if (options.max_frames > 0 && sequence.frames.size() > options.max_frames)
+    sequence.frames.resize(options.max_frames);
+  return sequence;
+}
+
+CameraConfig camera_of(const Sequence& sequence, const std::string& name_or_file) {
+  const std::string& named = name_or_file.empty() ? sequence.camera_hint : name_or_file;
+  if (named.empty() && sequence.camera) return *sequence.camera;
+  CameraConfig camera = load_camera(named);
+  if (camera.invalid_depth == 0 && sequence.camera) camera.invalid_depth = sequence.camera->invalid_depth;
+  return camera;
+}
+
+}  // namespace dynslam::runtime
