@@ -46,7 +46,7 @@ CameraConfig parse_camera(std::istream& in, const std::string& file) {
       "invalid_depth"};
   LineReader reader(in);
   while (reader.next()) {
-    const std::string_view line = reader.line();
+    const std::string_view whole = reader.line(), line = whole.substr(0, whole.find('#'));
     const auto equals = line.find('=');
     if (equals == std::string_view::npos) throw InputError(file, reader.number(), "expected 'key = value'");
     const std::string_view key = trim(line.substr(0, equals)), text = trim(line.substr(equals + 1));
