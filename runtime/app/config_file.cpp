@@ -5,12 +5,12 @@
 
 #include <algorithm>
 #include <istream>
+#include <optional>
 #include <string_view>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
-#include "dynslam/runtime/io/text_lines.hpp"
 
 namespace dynslam::app {
 namespace {
@@ -48,44 +48,47 @@ std::vector<CLI::ConfigItem> ConfigFile::from_config(std::istream& in) const {
   std::vector<CLI::ConfigItem> result;
   const auto called = app_.get_subcommands();
   if (called.empty()) return result;  // CLI11 asks for a command next
-  const CLI::App& command = *called.front();
+  // `config` shows what `run` would do.
+  const std::string name = called.front()->get_name() == "config" ? "run" : called.front()->get_name();
+  const CLI::App& command = *app_.get_subcommand(name);
   const auto file = app_.get_config_ptr()->as<std::string>();
-  bool applies = true;
-  runtime::LineReader reader(in);
-  while (reader.next()) {
-    const auto fail = [&](const std::string& reason) {
-      throw runtime::InputError(file, reader.number(), reason);
-    };
-    const std::string_view line = trim(without_comment(reader.line()));
-    if (line.empty()) continue;
-    if (line.front() == '[' && line.back() == ']') {
-      const std::string section(trim(line.substr(1, line.size() - 2)));
-      const auto named = [&](const CLI::App* c) { return c->get_name() == section; };
-      if (std::as_const(app_).get_subcommands(named).empty())
-        fail(fmt::format("unknown command '{}'", section));
-      applies = section == command.get_name();
-      continue;
-    }
-    const auto equals = line.find('=');
-    if (equals == std::string_view::npos) fail("expected 'option = value'");
-    if (!applies) continue;
-    const std::string name(unquote(trim(line.substr(0, equals))));
-    const CLI::Option* option = command.get_option_no_throw("--" + name);
-    if (option == nullptr) option = command.get_option_no_throw(name);  // positional
-    if (name.empty() || option == nullptr || name == "help" || name == "config") {
-      fail(fmt::format("unknown option '{}' of {}", name, command.get_name()));
-    }
-    const auto [place, is_new] = where_.emplace(name, fmt::format("{}:{}: ", file, reader.number()));
-    if (!is_new) fail(fmt::format("'{}' is given twice", name));
-    if (!option->empty()) where_[name].clear();  // the command line's value counts, and its errors
-    CLI::ConfigItem item;
-    item.parents = {command.get_name()};
-    item.name = name;
-    item.inputs = {std::string(unquote(trim(line.substr(equals + 1))))};
-    result.push_back(std::move(item));
-  }
-  if (in.bad()) throw runtime::InputError(file, 0, "cannot be read");
+  runtime::ConfigSections sections;
+  for (const CLI::App* one : std::as_const(app_).get_subcommands({}))
+    sections.names.push_back(one->get_name());
+  sections.take = [&](const std::string& section, std::string_view key, std::string_view value,
+                      std::size_t line) -> std::string {
+    if (!section.empty() && section != name) return {};
+    return take(command, std::string(unquote(key)), std::string(unquote(trim(without_comment(value)))),
+                fmt::format("{}:{}: ", file, line), result);
+  };
+  runtime::RunOptions ignored;  // a file may serve several commands
+  std::optional<runtime::DynamicsMode> ignored_mode;
+  const auto own = fields_.find(name);
+  auto fields = own != fields_.end() ? own->second : runtime::config_fields(ignored, ignored_mode);
+  runtime::read_config(in, file, fields, sections);
   return result;
+}
+
+std::string ConfigFile::take(const CLI::App& command, const std::string& name, const std::string& value,
+                             const std::string& place, std::vector<CLI::ConfigItem>& taken) const {
+  const CLI::Option* option = command.get_option_no_throw("--" + name);
+  if (option == nullptr) option = command.get_option_no_throw(name);  // positional
+  if (name.empty() || option == nullptr || name == "help" || name == "config") {
+    std::vector<std::string> names;
+    for (const CLI::Option* one : command.get_options())
+      names.insert(names.end(), one->get_lnames().begin(), one->get_lnames().end());
+    const std::string near = runtime::nearest_name(name, names);
+    return fmt::format("unknown option '{}' of {}{}", name, command.get_name(),
+                       near.empty() ? near : ", did you mean " + near + "?");
+  }
+  if (!where_.emplace(name, place).second) return fmt::format("'{}' is given twice", name);
+  if (!option->empty()) where_[name].clear();  // the command line's value counts, and its errors
+  CLI::ConfigItem item;
+  item.parents = {command.get_name()};
+  item.name = name;
+  item.inputs = {value};
+  taken.push_back(std::move(item));
+  return {};
 }
 
 std::string ConfigFile::origin(const std::string& error) const {
@@ -100,14 +103,17 @@ std::string ConfigFile::origin(const std::string& error) const {
   return {};
 }
 
-std::shared_ptr<const ConfigFile> add_config_option(CLI::App& app) {
-  const std::string description = "Read options from FILE: `option = value` lines, also under [COMMAND]";
+std::shared_ptr<const ConfigFile> add_config_option(CLI::App& app,
+                                                    std::map<std::string, runtime::ConfigFields> fields) {
+  const std::string description =
+      "Read options from FILE: `option = value` lines, also under [COMMAND], and the tables of dynslam "
+      "config";
   app.set_config("--config", "", description)->type_name("FILE");
   app.allow_config_extras(false);
   for (CLI::App* command : app.get_subcommands([](CLI::App*) { return true; })) {
     command->add_option("--config", description)->type_name("FILE");  // for --help: see arguments()
   }
-  auto file = std::make_shared<ConfigFile>(app);
+  auto file = std::make_shared<ConfigFile>(app, std::move(fields));
   app.config_formatter(file);
   return file;
 }
@@ -126,6 +132,17 @@ std::vector<std::string> arguments(int argc, const char* const* argv) {
     (void)runtime::read_file(name);
     config.insert(config.end(), word, end);
     word = words.erase(word, end);
+  }
+  if (!words.empty() && words.front() == "config") {  // its file is that of --config
+    for (auto word = words.begin() + 1; word != words.end();) {
+      if (word->rfind('-', 0) == 0) {
+        ++word;
+        continue;
+      }
+      (void)runtime::read_file(*word);
+      config.insert(config.end(), {"--config", *word});
+      word = words.erase(word);
+    }
   }
   words.insert(words.begin(), config.begin(), config.end());
   std::reverse(words.begin(), words.end());

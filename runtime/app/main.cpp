@@ -10,6 +10,7 @@
 #include <opencv2/core.hpp>
 #include <string>
 
+#include "config_command.hpp"
 #include "config_file.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "evaluate_command.hpp"
@@ -38,10 +39,12 @@ int run(int argc, char** argv) {
   const InfoCommand info(app);
   const SynthCommand synth(app);
   const MapCommand map(app);
-  const auto config = add_config_option(app);
+  const ConfigCommand show(app, run_command);
+  const auto config = add_config_option(app, {{"run", run_command.fields()}, {"ablate", ablate.fields()}});
   try {
     app.parse(arguments(argc, argv));
     if (run_command.chosen()) return run_command.run();
+    if (show.chosen()) return show.run();
     if (ablate.chosen()) return ablate.run();
     if (evaluate.chosen()) return evaluate.run();
     if (info.chosen()) return info.run();

@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <iostream>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -227,7 +228,7 @@ int ablate_sequence(const rt::RunOptions& options) {
 struct RunCommand::Options {
   CLI::App* command = nullptr;
   rt::RunOptions run;
-  std::string dynamics;  // empty: by what there is
+  std::optional<rt::DynamicsMode> dynamics;  // empty: by what there is
 };
 
 RunCommand::RunCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
@@ -235,8 +236,8 @@ RunCommand::RunCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   o.command = app.add_subcommand("run", "Track a sequence: trajectory, masks, map, timings");
   add_run_options(*o.command, o.run, "results/NAME");
   o.command
-      ->add_option(
-          "--dynamics", o.dynamics,
+      ->add_option_function<std::string>(
+          "--dynamics", [&o](const std::string& name) { o.dynamics = rt::parse_dynamics(name); },
           "Masks to use: none, semantic, geometric, both (default: both with --model or --masks, else "
           "geometric)")
       ->check(CLI::IsMember({"none", "semantic", "geometric", "both"}));
@@ -249,11 +250,21 @@ bool RunCommand::chosen() const {
   return o_->command->parsed();
 }
 
+rt::ConfigFields RunCommand::fields() const {
+  return rt::config_fields(o_->run, o_->dynamics);
+}
+
+void RunCommand::finish_options() const {
+  for (CLI::Option* option : o_->command->get_options()) {
+    if (!option->empty()) option->run_callback();  // flags wait for their command otherwise
+  }
+}
+
 int RunCommand::run() const {
   rt::RunOptions options = o_->run;
   if (options.out.empty()) options.out = default_folder(options.sequence);
-  if (!o_->dynamics.empty()) {
-    options.dynamics = *rt::parse_dynamics(o_->dynamics);
+  if (o_->dynamics) {
+    options.dynamics = *o_->dynamics;
   } else if (options.masks.empty() && options.segmentation.segmenter.model.empty()) {
     options.dynamics = rt::DynamicsMode::geometric;
     std::cout
@@ -266,6 +277,7 @@ int RunCommand::run() const {
 struct AblateCommand::Options {
   CLI::App* command = nullptr;
   rt::RunOptions run;
+  std::optional<rt::DynamicsMode> dynamics;  // of a configuration file; all are run
 };
 
 AblateCommand::AblateCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
@@ -277,6 +289,10 @@ AblateCommand::~AblateCommand() = default;
 
 bool AblateCommand::chosen() const {
   return o_->command->parsed();
+}
+
+rt::ConfigFields AblateCommand::fields() const {
+  return rt::config_fields(o_->run, o_->dynamics);
 }
 
 int AblateCommand::run() const {

@@ -4,6 +4,8 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 
+#include "dynslam/runtime/config/options_file.hpp"
+
 namespace dynslam::app {
 
 /// `dynslam run`: tracks a sequence.
@@ -12,6 +14,10 @@ class RunCommand {
   explicit RunCommand(CLI::App& app);
   ~RunCommand();
   [[nodiscard]] bool chosen() const;
+  /// What a configuration file can set.
+  [[nodiscard]] runtime::ConfigFields fields() const;
+  /// The options of `config`: those of a run without command line.
+  void finish_options() const;
   /// @return exit code @throws InputError, UsageError
   [[nodiscard]] int run() const;
 
@@ -26,6 +32,8 @@ class AblateCommand {
   explicit AblateCommand(CLI::App& app);
   ~AblateCommand();
   [[nodiscard]] bool chosen() const;
+  /// What a configuration file can set; a mode is not taken, as all are run.
+  [[nodiscard]] runtime::ConfigFields fields() const;
   /// @return exit code @throws InputError, UsageError
   [[nodiscard]] int run() const;
 

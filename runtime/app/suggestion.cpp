@@ -2,43 +2,10 @@
 #include "suggestion.hpp"
 
 #include <algorithm>
-#include <cstddef>
-#include <utility>
+
+#include "dynslam/runtime/config/options_file.hpp"
 
 namespace dynslam::app {
-namespace {
-
-/// Insertions, deletions, replacements and exchanges of neighbours that make one word the other (optimal
-/// string alignment).
-std::size_t edit_distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> before(b.size() + 1), last(b.size() + 1), row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) last[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      row[j] = std::min({last[j] + 1, row[j - 1] + 1, last[j - 1] + (a[i - 1] == b[j - 1] ? 0 : 1)});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
-        row[j] = std::min(row[j], before[j - 2] + 1);
-    }
-    before = std::exchange(last, row);
-  }
-  return last[b.size()];
-}
-
-}  // namespace
-
-std::string nearest_name(const std::string& word, const std::vector<std::string>& candidates) {
-  const std::size_t allowed = std::max<std::size_t>(1, word.size() / 3);
-  std::string best;
-  std::size_t least = allowed + 1;
-  for (const std::string& candidate : candidates) {
-    const std::size_t distance = edit_distance(word, candidate);
-    if (distance >= least) continue;
-    least = distance;
-    best = candidate;
-  }
-  return best;
-}
 
 std::string suggestion(const CLI::App& app, const std::vector<std::string>& words) {
   const auto chosen = app.get_subcommands();
@@ -53,7 +20,7 @@ std::string suggestion(const CLI::App& app, const std::vector<std::string>& word
     const std::string typed = word.substr(0, word.find('='));
     if (std::find(names.begin(), names.end(), typed) != names.end()) continue;
     if (!chosen.empty() && typed.rfind("--", 0) != 0) continue;  // a file, or a value
-    if (const std::string name = nearest_name(typed, names); !name.empty())
+    if (const std::string name = runtime::nearest_name(typed, names); !name.empty())
       return ", did you mean " + name + "?";
   }
   return {};

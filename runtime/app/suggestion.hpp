@@ -7,9 +7,6 @@
 
 namespace dynslam::app {
 
-/// The candidate that somebody who typed `word` most likely meant; empty where none is near.
-[[nodiscard]] std::string nearest_name(const std::string& word, const std::vector<std::string>& candidates);
-
 /// ", did you mean NAME?" for a command or for options that the chosen command does not have; empty where no
 /// name is near. @param words  as they were typed
 [[nodiscard]] std::string suggestion(const CLI::App& app, const std::vector<std::string>& words);

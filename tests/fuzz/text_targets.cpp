@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <optional>
 #include <sstream>
+#include <stdexcept>
 
 #include "dynslam/eval/trajectory.hpp"
+#include "dynslam/runtime/config/options_file.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/camera.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
@@ -89,6 +92,25 @@ void class_names(Bytes bytes) {
   (void)parse_class_names(text_of(bytes));
 }
 
+/// What was read is printed, and is read again as the same.
+void config(Bytes bytes) {
+  const auto read = [](const std::string& text) {
+    RunOptions options;
+    std::optional<DynamicsMode> dynamics;
+    ConfigFields fields = config_fields(options, dynamics);
+    std::istringstream in(text);
+    read_config(in, "config", fields);
+    return config_file(fields);
+  };
+  std::string printed;
+  try {
+    printed = read(text_of(bytes));
+  } catch (const InputError&) {
+    return;
+  }
+  if (read(printed) != printed) throw std::logic_error("a configuration reads back as another one");
+}
+
 }  // namespace
 
 void add_text_targets(std::vector<Target>& targets) {
@@ -140,9 +162,21 @@ void add_text_targets(std::vector<Target>& targets) {
                      }});
 }
 
+void add_config_target(std::vector<Target>& targets) {
+  targets.push_back(
+      {"config", config, [] {
+         return std::vector<std::string>{
+             "[general]\nmap = true # c\nseed = 1_0\ncamera = 'fr3'\n[tracker.geometry.weights]\nnumerator = "
+             "\"auto\"\n"
+             "tau = 1e-1\n[segmentation.segmenter]\nmap_classes = [\"a\\u0041\", 'b',]\ninput = [640, 480]\n"
+             "[tracker]\nadditions = [\"motion_prior\"]\nmethod = \"paper\"\npose.nu = 4\n"};
+       }});
+}
+
 std::vector<Target> targets() {
   std::vector<Target> all;
   add_text_targets(all);
+  add_config_target(all);
   add_map_targets(all);
   add_network_targets(all);
   return all;

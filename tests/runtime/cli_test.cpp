@@ -154,11 +154,11 @@ TEST_CASE(
 
   const std::string run = "run " + path + " --out " + out + " --config " + config;
   write("dynamics = none\n\nmax-frame = 3\n");
-  check_one_line_error(run, 1, "c.toml:3: unknown option 'max-frame' of run");
+  check_one_line_error(run, 1, "c.toml:3: unknown option 'max-frame' of run, did you mean max-frames?");
   write("[run]\ndynamics none\n");
   check_one_line_error(run, 1, "c.toml:2: expected 'option = value'");
   write("[walk]\n");
-  check_one_line_error(run, 1, "c.toml:1: unknown command 'walk'");
+  check_one_line_error(run, 1, "c.toml:1: unknown table [walk]");
   write("seed = 1\ndynamics = magic\n");
   check_one_line_error(run, 1, "c.toml:2: --dynamics: magic");
   write("seed = 1\nseed = 2\n");

@@ -12,6 +12,7 @@
 #include <string>
 #include <utility>
 
+#include "dynslam/runtime/config/options_file.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/frame_stream.hpp"
@@ -59,6 +60,7 @@ SlamOptions slam_options(const RunOptions& options) {
   result.map_memory = options.map_memory;
   result.seed = options.seed;
   result.tracker = options.tracker;
+  result.mapper = options.mapper;
   return result;
 }
 
@@ -133,6 +135,7 @@ Run::Run(const RunOptions& options)
 /// The output is proven writable before hours are spent on computing it.
 void Run::prepare_outputs() {
   make_folder(options_.out);
+  write_file(options_.out / "config.toml", config_file(options_));
   write_summary();
   if (options_.save_masks) make_folder(options_.out / "masks");
   // For all text files at once, the trajectory beside the one that it replaces.

@@ -9,23 +9,14 @@ namespace dynslam::runtime {
 namespace {
 
 constexpr int kMaskMargin = 7;     // pixels around movers that never become map
-constexpr int kScansPerView = 4;   // the first one, and as many as take a voxel to its bounds but one
 constexpr double kRange = 3.0;     // metres at which a turn of a keyframe is judged
 constexpr double kWorthIt = 0.25;  // of a voxel: a surface's shift for which the octree is made again
 
-SemanticMapperOptions mapper_options(double resolution, std::size_t max_bytes) {
-  SemanticMapperOptions options;
-  options.resolution = resolution;
-  options.max_bytes = max_bytes;
-  options.scans_per_view = kScansPerView;
-  return options;
-}
-
 }  // namespace
 
-RunMap::RunMap(const CameraConfig& camera, double resolution, std::size_t max_bytes)
-    : resolution_(resolution),
-      mapper_(camera.model, camera.width, camera.height, mapper_options(resolution, max_bytes)),
+RunMap::RunMap(const CameraConfig& camera, const SemanticMapperOptions& options)
+    : resolution_(options.resolution),
+      mapper_(camera.model, camera.width, camera.height, options),
       margin_(cv::getStructuringElement(cv::MORPH_RECT, {2 * kMaskMargin + 1, 2 * kMaskMargin + 1})) {}
 
 void RunMap::load(const std::filesystem::path& folder, const ScanOwner& owner) {

@@ -22,8 +22,7 @@ namespace dynslam::runtime {
 /// for final poses would be late by as much as a robot drives in a loop.
 class RunMap {
  public:
-  /// @param max_bytes  that the octree may take
-  RunMap(const CameraConfig& camera, double resolution, std::size_t max_bytes);
+  RunMap(const CameraConfig& camera, const SemanticMapperOptions& options);
 
   /// Starts from the scans of an earlier run's folder, where it has some. @throws InputError
   void load(const std::filesystem::path& folder, const ScanOwner& owner);

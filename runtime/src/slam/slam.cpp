@@ -20,12 +20,19 @@ TrackerOptions tracker_options(const SlamOptions& options) {
   return result;
 }
 
+SemanticMapperOptions mapper_options(const SlamOptions& options) {
+  SemanticMapperOptions result = options.mapper;
+  result.resolution = options.map_resolution;
+  result.max_bytes = options.map_memory;
+  return result;
+}
+
 }  // namespace
 
 struct Slam::State {
   State(const CameraConfig& c, const SlamOptions& o)
       : camera(c), options(o), tracker(std::make_unique<Tracker>(c, tracker_options(o))) {
-    if (o.map) octree = std::make_unique<RunMap>(c, o.map_resolution, o.map_memory);
+    if (o.map) octree = std::make_unique<RunMap>(c, mapper_options(o));
   }
 
   struct FramePose {  // of a tracked frame, relative to its keyframe

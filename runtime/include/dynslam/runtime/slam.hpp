@@ -15,6 +15,7 @@
 #include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/nets/frame_segmenter.hpp"
+#include "dynslam/runtime/slam/semantic_mapper.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
 
 namespace dynslam::runtime {
@@ -29,6 +30,8 @@ struct SlamOptions {
                            << 30;  ///< bytes that the octree may take; a keyframe too many throws
   std::uint64_t seed = 1;          ///< of every random choice
   TrackerOptions tracker;          ///< its `dynamics` and seeds are set from those above
+  /// How the octree is made; its `resolution` and `max_bytes` are set from those above.
+  SemanticMapperOptions mapper = SemanticMapperOptions::of_run();
 };
 
 /// RGB-D SLAM from frames in memory:

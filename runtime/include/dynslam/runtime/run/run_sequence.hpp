@@ -12,6 +12,7 @@
 #include "dynslam/eval/trajectory.hpp"
 #include "dynslam/runtime/io/sequence.hpp"
 #include "dynslam/runtime/nets/segmentation_stage.hpp"
+#include "dynslam/runtime/slam/semantic_mapper.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
 
 namespace dynslam::runtime {
@@ -39,6 +40,8 @@ struct RunOptions {
   /// that is mostly damaged is not what was meant, whatever can be made of the rest.
   double max_broken = 0.5;
   TrackerOptions tracker;  ///< its `dynamics` is set from the one above
+  /// How the octree is made; its `resolution` and `max_bytes` are set from those above.
+  SemanticMapperOptions mapper = SemanticMapperOptions::of_run();
 };
 
 struct StageStatistics {
@@ -68,7 +71,8 @@ struct RunSummary {
 /// How a run reads its sequence.
 [[nodiscard]] SequenceOptions sequence_options(const RunOptions& options);
 
-/// Runs a sequence and writes trajectory.txt, keyframes.txt, map.ot (and map_color.ot for octovis),
+/// Runs a sequence and writes config.toml (see options_file.hpp) at once, then trajectory.txt, keyframes.txt,
+/// map.ot (and map_color.ot for octovis),
 /// timings.csv, summary.json and masks/ into `options.out`. What was computed is saved also when `stop`
 /// becomes true midway; trajectory.txt and summary.json are written as the run goes, see docs/reliability.md.
 /// A map that was loaded is never saved poorer than it was: what a failed run has is added to it where that

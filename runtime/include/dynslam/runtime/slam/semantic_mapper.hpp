@@ -37,6 +37,13 @@ struct SemanticMapperOptions {
   bool retain_scans = true;  ///< keep what repose() needs, about 400 kB per keyframe
   /// Of those that are kept, how many show the same view at most, see retire_scans(); 0: all are kept.
   int scans_per_view = 0;
+
+  /// Those of a run: the first scan of a view, and as many as take a voxel to its bounds but one.
+  [[nodiscard]] static SemanticMapperOptions of_run() {
+    SemanticMapperOptions options;
+    options.scans_per_view = 4;
+    return options;
+  }
 };
 
 /// A keyframe's contribution to the map.

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The file of all fields, written and read.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <istream>
+#include <set>
+#include <utility>
+
+#include "dynslam/runtime/config/options_file.hpp"
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/text_lines.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+std::string_view trim(std::string_view text) {
+  const auto first = text.find_first_not_of(" \t\r");
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
+}
+
+/// ", did you mean NAME?", or nothing.
+std::string hint(const std::string& name) {
+  return name.empty() ? name : ", did you mean " + name + "?";
+}
+
+std::vector<std::string> tables_of(const ConfigFields& fields) {
+  std::vector<std::string> tables;
+  for (const ConfigField& field : fields) {
+    if (std::find(tables.begin(), tables.end(), field.table) == tables.end()) tables.push_back(field.table);
+  }
+  return tables;
+}
+
+/// What is meant by a key that its table does not have: one of the table's, or the same name elsewhere.
+std::string nearest_key(const ConfigFields& fields, const std::string& table, const std::string& key) {
+  std::vector<std::string> here;
+  for (const ConfigField& field : fields) {
+    if (field.table == table) here.push_back(field.key);
+  }
+  if (std::string name = nearest_name(key, here); !name.empty()) return name;
+  for (const ConfigField& field : fields) {
+    if (field.key == key) return field.key + " of [" + field.table + "]";
+  }
+  return {};
+}
+
+/// The name of a [table] line; empty: it is none.
+std::string table_name(std::string_view line) {
+  if (line.front() != '[') return {};
+  const auto close = line.find(']');
+  if (close == std::string_view::npos) return {};
+  const std::string_view rest = trim(line.substr(close + 1));
+  return rest.empty() || rest.front() == '#' ? std::string(trim(line.substr(1, close - 1))) : std::string();
+}
+
+/// A file being read.
+class ConfigReader {
+ public:
+  ConfigReader(const std::string& file, ConfigFields& fields, const ConfigSections& others)
+      : file_(file), fields_(fields), others_(others), tables_(tables_of(fields)) {}
+
+  void line(std::string_view line, std::size_t number) {
+    number_ = number;
+    if (line.front() == '[') return begin(table_name(line));
+    const auto equals = line.find('=');
+    if (equals == std::string_view::npos) fail("expected 'option = value'");
+    const std::string_view key = trim(line.substr(0, equals)), value = trim(line.substr(equals + 1));
+    if (in_table_) return set(table_ + '.' + std::string(key), value);
+    if (table_.empty() && key.find('.') != std::string_view::npos) return set(std::string(key), value);
+    if (!others_.take) fail(fmt::format("'{}' stands in no table", key));
+    if (const std::string reason = others_.take(table_, key, value, number); !reason.empty()) fail(reason);
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& reason) const { throw InputError(file_, number_, reason); }
+
+  void begin(std::string name) {
+    if (name.empty()) fail("expected [table]");
+    const auto has = [&](const std::vector<std::string>& names) {
+      return std::find(names.begin(), names.end(), name) != names.end();
+    };
+    in_table_ = has(tables_);
+    // A table that holds tables alone may be opened, too.
+    const bool outer = std::any_of(tables_.begin(), tables_.end(),
+                                   [&](const std::string& t) { return t.rfind(name + '.', 0) == 0; });
+    if (!in_table_ && !outer && !has(others_.names)) {
+      std::vector<std::string> known = tables_;
+      known.insert(known.end(), others_.names.begin(), others_.names.end());
+      std::string near = nearest_name(name, known);
+      for (const std::string& table : tables_) {  // or its last name alone
+        if (near.empty() && table.ends_with('.' + name)) near = table;
+      }
+      fail(fmt::format("unknown table [{}]{}", name, hint(near.empty() ? near : '[' + near + ']')));
+    }
+    in_table_ = in_table_ || outer;
+    table_ = std::move(name);
+  }
+
+  void set(const std::string& name, std::string_view value) {
+    const auto field = std::find_if(fields_.begin(), fields_.end(),
+                                    [&](const ConfigField& one) { return one.name() == name; });
+    if (field == fields_.end()) {
+      const auto dot = name.rfind('.');
+      const std::string table = name.substr(0, dot), key = name.substr(dot + 1);
+      fail(fmt::format("unknown key '{}' in [{}]{}", key, table, hint(nearest_key(fields_, table, key))));
+    }
+    if (!given_.insert(name).second) fail(fmt::format("'{}' is given twice", name));
+    if (const std::string reason = set_config(*field, value); !reason.empty())
+      fail(fmt::format("{}: {}", name, reason));
+  }
+
+  const std::string& file_;
+  ConfigFields& fields_;
+  const ConfigSections& others_;
+  std::vector<std::string> tables_;
+  std::string table_;
+  bool in_table_ = false;  // of fields
+  std::set<std::string> given_;
+  std::size_t number_ = 0;
+};
+
+/// "# meaning [unit], 0 to 1", in lines of readable length.
+std::string comment(const ConfigField& field) {
+  std::string text = field.meaning;
+  if (!field.unit.empty()) text += " [" + field.unit + "]";
+  if (const auto* choice = std::get_if<ConfigChoice>(&field.value))
+    text += fmt::format(" ({})", fmt::join(choice->names, ", "));
+  if (const std::string range = field.range.text(); !range.empty()) text += " (" + range + ")";
+  constexpr std::size_t kLongest = 100;
+  std::string result;
+  while (text.size() > kLongest) {
+    const auto cut = text.rfind(' ', kLongest);
+    if (cut == std::string::npos) break;
+    result += "# " + text.substr(0, cut) + '\n';
+    text.erase(0, cut + 1);
+  }
+  return result + "# " + text + '\n';
+}
+
+}  // namespace
+
+std::string config_file(const ConfigFields& fields) {
+  std::string text = "# dynslam " DYNSLAM_VERSION ": dynslam run SEQUENCE --config FILE reads this file\n";
+  for (const std::string& table : tables_of(fields)) {
+    text += fmt::format("\n[{}]\n", table);
+    for (const ConfigField& field : fields) {
+      if (field.table == table)
+        text += fmt::format("{}{} = {}\n", comment(field), field.key, config_text(field));
+    }
+  }
+  return text;
+}
+
+std::string config_file(const RunOptions& options) {
+  RunOptions copy = options;
+  std::optional<DynamicsMode> dynamics = options.dynamics;
+  return config_file(config_fields(copy, dynamics));
+}
+
+void read_config(std::istream& in, const std::string& file, ConfigFields& fields,
+                 const ConfigSections& others) {
+  ConfigReader reader(file, fields, others);
+  LineReader lines(in);
+  while (lines.next()) reader.line(trim(lines.line()), lines.number());
+  if (in.bad()) throw InputError(file, 0, "cannot be read");
+}
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The values of fields, to and from TOML.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <concepts>
+#include <type_traits>
+#include <utility>
+
+#include "config/toml_value.hpp"
+#include "dynslam/runtime/config/options_file.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+constexpr std::array<std::pair<std::string_view, bool Additions::*>, 4> kAdditions{{
+    {"surface_weights", &Additions::surface_weights},
+    {"motion_prior", &Additions::motion_prior},
+    {"strict_local_map", &Additions::strict_local_map},
+    {"proven_points", &Additions::proven_points},
+}};
+constexpr std::string_view kAuto = "auto";
+
+template <class Strings>
+std::string array_text(const Strings& strings) {
+  std::string text;
+  for (const auto& one : strings) text += (text.empty() ? "" : ", ") + toml_string(one);
+  return '[' + text + ']';
+}
+
+/// The shortest digits that give the same value again, with a mark of a floating-point number.
+template <std::floating_point T>
+std::string number_text(T value) {
+  std::string text = fmt::format("{}", value);
+  if (std::isfinite(value) && text.find_first_of(".e") == std::string::npos) text += ".0";
+  return text;
+}
+
+/// Texts of the values, by type.
+struct ConfigText {
+  std::string operator()(const bool* value) const { return *value ? "true" : "false"; }
+  std::string operator()(const int* value) const { return std::to_string(*value); }
+  std::string operator()(const std::uint64_t* value) const { return std::to_string(*value); }
+  template <std::floating_point T>
+  std::string operator()(const T* value) const {
+    return number_text(*value);
+  }
+  std::string operator()(const std::string* value) const { return toml_string(*value); }
+  std::string operator()(const std::filesystem::path* value) const { return toml_string(value->string()); }
+  std::string operator()(const std::vector<std::string>* value) const { return array_text(*value); }
+  std::string operator()(std::span<double> values) const {
+    std::string text;
+    for (const double one : values) text += (text.empty() ? "" : ", ") + number_text(one);
+    return '[' + text + ']';
+  }
+  std::string operator()(const cv::Size* value) const {
+    return fmt::format("[{}, {}]", value->width, value->height);
+  }
+  std::string operator()(const std::optional<double>* value) const {
+    return *value ? number_text(**value) : toml_string(kAuto);
+  }
+  std::string operator()(const std::optional<Additions>* value) const {
+    if (!*value) return toml_string(kAuto);
+    std::vector<std::string_view> names;
+    for (const auto& [name, member] : kAdditions) {
+      if ((**value).*member) names.push_back(name);
+    }
+    return array_text(names);
+  }
+  std::string operator()(const ConfigChoice& choice) const { return toml_string(choice.get()); }
+};
+
+/// Takes a TOML value where it is of the right kind; otherwise says what was expected.
+class ConfigSetter {
+ public:
+  ConfigSetter(const TomlValue& value, const ConfigRange& range) : value_(value.value), range_(range) {}
+
+  std::string operator()(bool* out) const {
+    const bool* flag = std::get_if<bool>(&value_);
+    if (flag == nullptr) return "true or false";
+    *out = *flag;
+    return {};
+  }
+  template <class T>
+    requires(std::integral<T> || std::floating_point<T>)
+  std::string operator()(T* out) const {
+    const std::optional<T> number = parse<T>(value_);
+    if (!number) return number_kind<T>() + (range_.text().empty() ? "" : ", " + range_.text());
+    *out = *number;
+    return {};
+  }
+  std::string operator()(std::string* out) const {
+    const auto* text = std::get_if<std::string>(&value_);
+    if (text == nullptr) return "a string in quotes";
+    *out = *text;
+    return {};
+  }
+  std::string operator()(std::filesystem::path* out) const {
+    std::string text;
+    std::string reason = (*this)(&text);
+    if (reason.empty()) *out = text;
+    return reason;
+  }
+  std::string operator()(std::vector<std::string>* out) const {
+    const auto texts = strings();
+    if (!texts) return "an array of strings, like [\"chair\", \"tv\"]";
+    *out = *texts;
+    return {};
+  }
+  std::string operator()(std::span<double> out) const {
+    const auto numbers = array<double>(out.size());
+    if (!numbers) return fmt::format("an array of {} numbers, each {}", out.size(), range_.text());
+    std::copy(numbers->begin(), numbers->end(), out.begin());
+    return {};
+  }
+  std::string operator()(cv::Size* out) const {
+    const auto numbers = array<int>(2);
+    if (!numbers) return fmt::format("[width, height], each {}", range_.text());
+    *out = {(*numbers)[0], (*numbers)[1]};
+    return {};
+  }
+  std::string operator()(std::optional<double>* out) const {
+    const auto* text = std::get_if<std::string>(&value_);
+    const std::optional<double> number = parse<double>(value_);
+    if (!number && (text == nullptr || *text != kAuto))
+      return fmt::format("\"auto\" or a number, {}", range_.text());
+    *out = number;
+    return {};
+  }
+  std::string operator()(std::optional<Additions>* out) const {
+    const auto* text = std::get_if<std::string>(&value_);
+    if (text != nullptr && *text == kAuto) {
+      out->reset();
+      return {};
+    }
+    const auto names = strings();
+    Additions additions{false, false, false, false};
+    for (const std::string& name : names.value_or(std::vector<std::string>{""})) {
+      const auto known = std::find_if(kAdditions.begin(), kAdditions.end(),
+                                      [&](const auto& one) { return one.first == name; });
+      if (known == kAdditions.end())
+        return "\"auto\" or an array of surface_weights, motion_prior, strict_local_map, proven_points";
+      additions.*(known->second) = true;
+    }
+    *out = additions;
+    return {};
+  }
+  std::string operator()(ConfigChoice& choice) const {
+    const auto* text = std::get_if<std::string>(&value_);
+    if (text == nullptr || std::find(choice.names.begin(), choice.names.end(), *text) == choice.names.end())
+      return fmt::format("one of \"{}\"", fmt::join(choice.names, "\", \""));
+    choice.set(*text);
+    return {};
+  }
+
+ private:
+  using Any = decltype(TomlValue::value);
+
+  template <class T>
+  static std::string number_kind() {
+    return std::floating_point<T> ? "a finite number"
+           : std::is_signed_v<T>  ? "a whole number"
+                                  : "a whole number from 0";
+  }
+  /// A number within the range, in the type itself: a float that were read as a double would be rounded
+  /// twice.
+  template <class T>
+  [[nodiscard]] std::optional<T> parse(const Any& any) const {
+    const auto* number = std::get_if<TomlNumber>(&any);
+    if (number == nullptr) return std::nullopt;
+    const char* end = number->digits.data() + number->digits.size();
+    T value{};
+    const auto [stop, error] = std::from_chars(number->digits.data(), end, value);
+    if (error != std::errc() || stop != end) return std::nullopt;
+    ConfigRange range = range_;
+    if constexpr (std::is_same_v<T, float>) {  // the bounds themselves are allowed
+      range.low = static_cast<double>(static_cast<float>(range.low));
+      range.high = static_cast<double>(static_cast<float>(range.high));
+    }
+    if (!range.holds(static_cast<double>(value))) return std::nullopt;
+    return value;
+  }
+  template <class T>
+  [[nodiscard]] std::optional<std::vector<T>> array(std::size_t size) const {
+    const auto* values = std::get_if<TomlArray>(&value_);
+    if (values == nullptr || values->size() != size) return std::nullopt;
+    std::vector<T> result;
+    for (const TomlValue& one : *values) {
+      const std::optional<T> number = parse<T>(one.value);
+      if (!number) return std::nullopt;
+      result.push_back(*number);
+    }
+    return result;
+  }
+  [[nodiscard]] std::optional<std::vector<std::string>> strings() const {
+    const auto* values = std::get_if<TomlArray>(&value_);
+    if (values == nullptr) return std::nullopt;
+    std::vector<std::string> result;
+    for (const TomlValue& one : *values) {
+      const auto* text = std::get_if<std::string>(&one.value);
+      if (text == nullptr) return std::nullopt;
+      result.push_back(*text);
+    }
+    return result;
+  }
+
+  const Any& value_;
+  const ConfigRange& range_;
+};
+
+}  // namespace
+
+bool ConfigRange::holds(double value) const {
+  return std::isfinite(value) && value <= high && (above ? value > low : value >= low);
+}
+
+std::string ConfigRange::text() const {
+  if (std::isfinite(high)) return fmt::format("{} to {}", low, high);
+  if (!std::isfinite(low)) return {};
+  return above ? fmt::format("above {}", low) : fmt::format("{} or more", low);
+}
+
+std::string config_text(const ConfigField& field) {
+  return std::visit(ConfigText{}, field.value);
+}
+
+std::string set_config(ConfigField& field, std::string_view text) {
+  TomlValue value;
+  if (std::string reason = parse_toml(text, value); !reason.empty()) return reason;
+  const std::string expected = std::visit(ConfigSetter(value, field.range), field.value);
+  if (expected.empty()) return {};
+  return fmt::format("expected {}, not {}", expected, text.substr(0, text.find_last_not_of(" \t\r") + 1));
+}
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "config/field_list.hpp"
+
+namespace dynslam::runtime::config {
+
+void list(FieldList& f, PatchAlignmentOptions<float>& o) {
+  f("max_iterations", o.max_iterations, "", "iterations of the alignment", between(1, 1000));
+  f("tolerance", o.tolerance, "px", "step that ends the iteration", kPositive);
+  f("max_shift", o.max_shift, "px", "distance from the start beyond which a match is refused", kPositive);
+  f("min_correlation", o.min_correlation, "", "smallest zero-mean normalised cross-correlation of a match",
+    kCosine);
+}
+
+void list(FieldList& f, PatchMatchOptions& o) {
+  f("min_gradient", o.min_gradient, "grey^2/px^2",
+    "texture that a patch needs: smaller eigenvalue of the mean gradient product", kNotNegative);
+  f("min_area", o.min_area, "", "smallest area of the patch's image, as a share of the patch", kPositive);
+  f("max_area", o.max_area, "", "largest area of the patch's image, as a multiple of the patch", kPositive);
+  f("coarser", o.coarser, "", "how much larger than wanted the pixels of a level may be", kPositive);
+  f.table("alignment", o.alignment);
+}
+
+void list(FieldList& f, PatchSearchOptions& o) {
+  f("min_gradient", o.min_gradient, "grey^2/px^2",
+    "texture below which a level is passed over: smaller eigenvalue of the mean gradient product",
+    kNotNegative);
+  f.table("alignment", o.alignment);
+}
+
+void list(FieldList& f, ReferenceOptions& o) {
+  f("points", o.points, "keypoints", "keypoints of the reference that are used at most", from(1));
+  f("max_depth", o.max_depth, "m", "depth beyond which nothing is judged", kPositive);
+  f("levels", o.levels, "", "pyramid levels that are searched", between(1, 10));
+  f("at_rest_px", o.at_rest_px, "px", "distance from the expected place up to which a keypoint is at rest",
+    kPositive);
+  f("confirmed_px", o.confirmed_px, "px",
+    "greatest distance between what the search found and the patch there", kPositive);
+  f("border_px", o.border_px, "px", "distance from the image border within which keypoints are left out",
+    between(4, 1000));
+  f("pause", o.pause, "frames", "frames after which a keypoint that was not found is searched again", kCount);
+  f.table("match", o.match);
+  f.table("search", o.search);
+}
+
+void list(FieldList& f, StaticWeightScales<double>& o) {
+  f("photometric", o.photometric, "grey values", "smallest scale of the photometric errors", kPositive);
+  f("reprojection", o.reprojection, "px", "smallest scale of the reprojection errors", kPositive);
+  f("depth", o.depth, "sensor standard deviations", "smallest scale of the depth errors", kPositive);
+}
+
+void list(FieldList& f, StaticWeightsOptions<double>& o) {
+  // left out: seed: [general] seed goes for all
+  f("nu", o.nu, "", "degrees of freedom of the t-distribution", kPositive);
+  f("numerator", o.numerator, "",
+    "numerator of Eq (7); \"auto\": nu and the number of errors, so that a typical static point has weight 1",
+    kPositive);
+  f("tau", o.tau, "", "weight below which a keypoint is dynamic", kPositive);
+  f("min_matches", o.min_matches, "", "matches outside the mask from which scales and F are estimated",
+    between(8, 1e6));
+  f("epipolar_px", o.epipolar_px, "px", "distance from the epipolar line that makes a mismatch", kPositive);
+  f("min_parallax_px", o.min_parallax_px, "px", "median parallax below which F is not estimated",
+    kNotNegative);
+  f.table("floors", o.floors);
+  f.table("depth_noise", o.depth_noise);
+}
+
+void list(FieldList& f, KeypointSeedOptions& o) {
+  f("radius", o.radius, "image widths", "distance within which other keypoints count", kShare);
+  f("support", o.support, "keypoints", "dynamic keypoints that must be there, itself included", from(1));
+}
+
+void list(FieldList& f, DepthGridOptions& o) {
+  f("columns", o.columns, "cells", "cells across the image", between(8, 10000));
+  f("max_half_angle", o.max_half_angle, "rad", "half the field of view of a camera that names no pinhole",
+    between(0.1, 1.5));
+  f("edge_base", o.edge_base, "m", "difference of depths in one cell that makes an edge: constant part",
+    kNotNegative);
+  f("edge_quad", o.edge_quad, "1/m", "growth of that with the square of the depth", kNotNegative);
+}
+
+void list(FieldList& f, FreeSpaceMargins<float>& o) {
+  f("consistent_base", o.consistent_base, "m",
+    "difference of depths up to which they are one surface: constant part", kNotNegative);
+  f("consistent_quad", o.consistent_quad, "1/m", "growth of that with the square of the depth", kNotNegative);
+  f("violation_base", o.violation_base, "m",
+    "distance by which something stands in space that was seen to be free: constant part", kNotNegative);
+  f("violation_quad", o.violation_quad, "1/m", "growth of that with the square of the depth", kNotNegative);
+}
+
+void list(FieldList& f, FreeSpaceOptions& o) {
+  f("frame_rate", o.frame_rate, "1/s", "rate of the frames that are remembered", between(0.1, 1000));
+  f("lags", std::span<double>(o.lags), "s",
+    "ages of the views that the present one is compared with, ascending", between(1e-4, 10));
+  f("old_lag", o.old_lag, "s", "time after which a mover has left its own volume", between(1e-4, 60));
+  f("rest_lag", o.rest_lag, "s", "time after which what has stayed is at rest, even if it moved before",
+    between(1e-4, 60));
+  f("follow_lag", o.follow_lag, "s", "age up to which views hand their masks on", between(0, 60));
+  f("carry", o.carry, "s", "time that a mask survives without new evidence", between(0, 60));
+  f("near", o.near, "m", "distance from an earlier camera within which nothing is judged", kNotNegative);
+  f("max_depth", o.max_depth, "m", "depth beyond which nothing is judged", kPositive);
+  f("timing", o.timing, "",
+    "share of the motion between two frames by which a depth image may lie beside "
+    "its pose",
+    between(0, 10));
+  f("max_shift", o.max_shift, "cells", "greatest shift of a depth image beside its pose", between(0, 100));
+  f.table("margins", o.margins);
+}
+
+void list(FieldList& f, RelativeStep<float>& o) {
+  f("base", o.base, "m", "step in depth between neighbouring cells of one surface: constant part",
+    kNotNegative);
+  f("quad", o.quad, "1/m", "growth of that with the square of the depth", kNotNegative);
+}
+
+void list(FieldList& f, MaskGrowingOptions& o) {
+  f("min_seeds", o.min_seeds, "cells", "size below which a group of seeds is noise", kCount);
+  f("min_region", o.min_region, "cells", "size below which a region is dropped", kCount);
+  f("reach", o.reach, "cells", "distance from fresh evidence that a region may fill; -1: any",
+    between(-1, 10000));
+  f("max_hole", o.max_hole, "cells", "size up to which a hole in a mask is filled", kCount);
+  f("max_fraction", o.max_fraction, "", "share of the valid depth above which a region has leaked", kShare);
+  f.table("step", o.step);
+}
+
+void list(FieldList& f, MotionSegmenterOptions<double>& o) {
+  // left out: method: [tracker] method goes for all
+  // left out: own_reference: the tracker's keyframes are the references
+  // left out: locating: the tracker gives the pose
+  f.table("reference", o.reference);
+  f.table("weights", o.weights);
+  f.table("keypoint_seeds", o.keypoint_seeds);
+  f.table("grid", o.grid);
+  f.table("free_space", o.free_space);
+  f.table("growing", o.growing);
+}
+
+}  // namespace dynslam::runtime::config

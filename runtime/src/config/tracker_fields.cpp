@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "config/field_list.hpp"
+
+namespace dynslam::runtime::config {
+
+void list(FieldList& f, TrackerOptions& o) {
+  // left out: dynamics: [general] dynamics goes for all
+  // left out: seed: [general] seed goes for all
+  f("method",
+    choice(o.method, {Method::paper, Method::full}, &parse_method,
+           [](Method method) { return to_string(method); }),
+    "paper: the paper's steps alone; full: also free space, people at rest, surface weights, motion prior");
+  f("additions", o.additions, "",
+    "additions to the paper's tracking beside the masks, a list of surface_weights (features count by the "
+    "surface that they stand for), motion_prior (the predicted motion counts in the consensus), "
+    "strict_local_map (matches of the local map that are far off never enter the optimisation), "
+    "proven_points (points are made on surfaces that have stayed; needs geometric masks); \"auto\": by "
+    "method and mode");
+  f.table("features", o.features);
+  f.table("depth_noise", o.depth_noise);
+  f("initial_features", o.initial_features, "", "features with depth that it takes to start a map", from(1));
+  f("semantic_dilation", o.semantic_dilation, "px", "margin added around a-priori masks", between(0, 500));
+  f("feature_margin", o.feature_margin, "px", "margin around the fused mask in which features are not used",
+    between(0, 500));
+  f("bundle", o.bundle, "", "adjust the newest keyframes and their points (bundle adjustment)");
+  f("bundle_delay", o.bundle_delay, "frames",
+    "frames after which the adjustment's result is waited for and used", from(1));
+  f("close_loops", o.close_loops, "", "close loops");
+  f("loop_bundle_window", o.loop_bundle_window, "keyframes", "keyframes adjusted after a loop",
+    between(1, 10000));
+  f("loop_bundle_delay", o.loop_bundle_delay, "frames",
+    "frames after which the result of that is waited for and used", from(1));
+  f("redundant_keyframe", o.redundant_keyframe, "",
+    "share of a keyframe's points that three others see, too, above which it is removed", kShare);
+  f("spare_keyframes", o.spare_keyframes, "keyframes", "number of newest keyframes that are never removed",
+    from(1));
+  f("reference_distance", o.reference_distance, "keyframes",
+    "keyframes between the present one and the reference of the geometric masks", kCount);
+  f.table("search", o.search);
+  f.table("geometry", o.geometry);
+  f.table("matching", o.matching);
+  f.table("pose", o.pose);
+  f.table("points", o.points);
+  f.table("keyframes", o.keyframes);
+  f.table("coverage", o.coverage);
+  f.table("resting", o.resting);
+  f.table("arbitration", o.arbitration);
+  f.table("local_bundle", o.local_bundle);
+  f.table("loops", o.loops);
+  f.table("relocalisation", o.relocalisation);
+}
+
+void list(FieldList& f, FeatureOptions& o) {
+  f("features", o.features, "", "features wanted per image", between(100, 10000));
+  f("levels", o.levels, "", "levels of the image pyramid", between(1, 32));
+  f("scale_factor", o.scale_factor, "", "scale between two levels", between(1.01, 2));
+  f("fast_threshold", o.fast_threshold, "grey values", "threshold of the FAST detector", between(1, 255));
+  f("fast_threshold_low", o.fast_threshold_low, "grey values",
+    "threshold for cells in which the first one finds nothing", between(1, 255));
+  f("cell", o.cell, "px", "side of the cells over which features are spread, in pixels of their level",
+    between(4, 10000));
+}
+
+void list(FieldList& f, PoseSearchOptions& o) {
+  f("min_inliers", o.min_inliers, "", "inliers that it takes to accept a pose", from(4));
+  f("weak_inliers", o.weak_inliers, "",
+    "inliers among the last frame's points that make a start, which the local map has to prove", from(4));
+  f("coasting_frames", o.coasting_frames, "frames",
+    "lost for fewer frames, the camera is first looked for where its motion leads", kCount);
+  f("near_radius", o.near_radius, "px",
+    "radius of the first search for the last frame's points, in pixels of their level", kPositive);
+  f("far_radius", o.far_radius, "px", "radius of the second search", kPositive);
+  f("prior_share", o.prior_share, "", "weight of the predicted motion, as a share of all matches",
+    between(0, 100));
+  f("prior_speed", o.prior_speed, "m/s", "standard deviation of the change of velocity between two frames",
+    kPositive);
+  f("prior_turn", o.prior_turn, "rad/s",
+    "standard deviation of the change of angular velocity between two frames", kPositive);
+  f("local_chi2", o.local_chi2, "",
+    "squared normalised error above which a match of the local map is dropped", kPositive);
+  f("candidates", o.candidates, "keyframes", "keyframes tried per lost frame", between(0, 1000));
+  f("max_speed", o.max_speed, "m/s",
+    "greatest speed of the camera: a place farther away is taken for another one that looks alike",
+    kPositive);
+  f("max_turn", o.max_turn, "rad/s", "greatest angular velocity of the camera", kPositive);
+  f("longest_delay", o.longest_delay, "s",
+    "longest delay of a depth image over which the velocity is trusted", kNotNegative);
+}
+
+void list(FieldList& f, RestingOptions<double>& o) {
+  f("stride", o.stride, "px", "distance between the samples of an instance", between(1, 1000));
+  f("min_samples", o.min_samples, "", "samples with depth that it takes to judge an instance", from(1));
+  f("min_still", o.min_still, "",
+    "share of the samples that must have been seen in the same place long before", kShare);
+  f("max_moving", o.max_moving, "", "share of the samples that may lie on the mask of what moves", kShare);
+}
+
+void list(FieldList& f, MaskArbitrationOptions<double>& o) {
+  f("min_left", o.min_left, "", "share of the features that a mask has to leave", kShare);
+  f("min_inliers", o.min_inliers, "", "inliers that make a pose", from(4));
+  f("doubt", o.doubt, "", "share of matching features below which a mask is put to the test", kShare);
+  f("max_loss", o.max_loss, "", "growth of the pose's standard deviation that is accepted without a reason",
+    kPositive);
+  f("max_chi2", o.max_chi2, "", "squared normalised distance up to which two poses count as the same",
+    kPositive);
+  f("shared_translation", o.shared_translation, "m", "error of the map's position that all matches share",
+    kPositive);
+  f("shared_rotation", o.shared_rotation, "rad", "error of the map's rotation that all matches share",
+    kPositive);
+}
+
+}  // namespace dynslam::runtime::config
