@@ -72,11 +72,10 @@ struct RunSummary {
 [[nodiscard]] SequenceOptions sequence_options(const RunOptions& options);
 
 /// Runs a sequence and writes config.toml (see options_file.hpp) at once, then trajectory.txt, keyframes.txt,
-/// map.ot (and map_color.ot for octovis),
-/// timings.csv, summary.json and masks/ into `options.out`. What was computed is saved also when `stop`
-/// becomes true midway; trajectory.txt and summary.json are written as the run goes, see docs/reliability.md.
-/// A map that was loaded is never saved poorer than it was: what a failed run has is added to it where that
-/// is whole, and else the saved map stays.
+/// map.ot (and map_color.ot for octovis), timings.csv, summary.json and masks/ into `options.out`. What was
+/// computed is saved also when `stop` becomes true midway; trajectory.txt and summary.json are written as the
+/// run goes, see docs/reliability.md. A map that was loaded is never saved poorer than it was: what a failed
+/// run has is added to it where that is whole, and else the saved map stays.
 /// @throws InputError  unreadable sequence or masks, unwritable output, too many broken frames, or no frame
 ///         tracked at all (the files are written first where possible)
 /// @throws UsageError  options that contradict each other
