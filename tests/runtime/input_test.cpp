@@ -2,6 +2,7 @@
 // What users feed the program: lists, cameras, trajectories, images, masks; good ones and broken ones.
 #include <doctest/doctest.h>
 
+#include <cmath>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
@@ -124,6 +125,36 @@ TEST_CASE("a sequence: lists paired by time, camera hint, ground truth") {
   SequenceOptions two;
   two.max_frames = 2;
   CHECK(load_sequence(tum.path, two).frames.size() == 2);
+}
+
+TEST_CASE("depth images are paired by when they were taken: the camera says how late they are stamped") {
+  const test::TumFixture tum(6);  // stamped as the colour images, 33 ms apart
+  std::ofstream(tum.path / "camera.txt", std::ios::app) << "depth_time_offset = 0.03\n";
+  const auto check = [&](const Sequence& sequence, std::size_t frames, const std::string& second) {
+    REQUIRE(sequence.frames.size() == frames);
+    CHECK(sequence.frames[1].depth.filename() == second);
+    for (const FrameRecord& frame : sequence.frames)
+      CHECK(std::abs(frame.t_depth - frame.t_rgb - 1 / 30.0 + 0.03) < 1e-5);
+  };
+  check(load_sequence(tum.path), 5, "1.066666.png");  // the next one; after the last colour image none comes
+  SequenceOptions options;
+  options.depth_time_offset = -0.03;
+  const Sequence early = load_sequence(tum.path, options);
+  CHECK(early.frames.size() == 5);
+  CHECK(early.frames[0].depth.filename() == "1.000000.png");
+  // A camera named instead has no offset here.
+  options = {};
+  options.camera = "bonn";
+  CHECK(load_sequence(tum.path, options).frames.size() == 6);
+  // Pairs that a list gives stay together.
+  std::ofstream(tum.path / "associations.txt") << "1.0 rgb/1.000000.png 1.0 depth/1.000000.png\n";
+  const Sequence listed = load_sequence(tum.path);
+  REQUIRE(listed.frames.size() == 1);
+  CHECK(listed.frames[0].t_depth == doctest::Approx(0.97));
+  std::istringstream far(
+      "width = 64\nheight = 64\nfx = 60\nfy = 60\ncx = 32\ncy = 32\ndepth_time_offset = 2\n");
+  CHECK(
+      test::mentions(test::error_of([&] { (void)parse_camera(far, "c.txt"); }), "depth_time_offset must be"));
 }
 
 TEST_CASE("broken sequences are refused with the file") {

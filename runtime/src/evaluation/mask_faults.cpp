@@ -41,6 +41,7 @@ SequenceOptions reading(const MaskFaultOptions& options) {
   SequenceOptions result;
   result.format = options.format;
   result.rate = options.rate;
+  result.camera = options.camera;
   return result;
 }
 

@@ -211,7 +211,9 @@ void find_camera(const InspectOptions& options, SequenceReport& report) {
 
 SequenceReport inspect_sequence(const fs::path& root, const InspectOptions& options) {
   SequenceReport report;
-  report.sequence = load_sequence(root, options.reading);
+  SequenceOptions reading = options.reading;
+  reading.camera = options.camera;
+  report.sequence = load_sequence(root, reading);
   const Sequence& sequence = report.sequence;
   find_camera(options, report);
   report.stamps = inspect::measure_stamps(sequence);

@@ -19,12 +19,13 @@ namespace dynslam::runtime {
 namespace {
 
 CameraConfig make(std::string name, const std::array<double, 4>& k, const std::array<double, 5>& d,
-                  double units) {
+                  double units, double depth_time_offset = 0) {
   CameraConfig camera;
   camera.name = std::move(name);
   camera.model = PinholeBrownConrady<double>(Pinhole<double>(k[0], k[1], k[2], k[3]),
                                              BrownConrady<double>(d[0], d[1], d[2], d[3], d[4]));
   camera.depth_units_per_metre = units;
+  camera.depth_time_offset = depth_time_offset;
   return camera;
 }
 
@@ -37,13 +38,29 @@ std::string_view trim(std::string_view text) {
 }  // namespace
 
 CameraConfig parse_camera(std::istream& in, const std::string& file) {
-  std::map<std::string, double, std::less<>> value{
-      {"k1", 0},           {"k2", 0}, {"p1", 0}, {"p2", 0}, {"k3", 0}, {"depth_units_per_metre", 5000},
-      {"invalid_depth", 0}};
+  std::map<std::string, double, std::less<>> value{{"k1", 0},
+                                                   {"k2", 0},
+                                                   {"p1", 0},
+                                                   {"p2", 0},
+                                                   {"k3", 0},
+                                                   {"depth_units_per_metre", 5000},
+                                                   {"invalid_depth", 0},
+                                                   {"depth_time_offset", 0}};
   std::string name = std::filesystem::path(file).stem().string();
-  constexpr std::array<std::string_view, 13> keys{
-      "width",        "height", "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "depth_units_per_metre",
-      "invalid_depth"};
+  constexpr std::array<std::string_view, 14> keys{"width",
+                                                  "height",
+                                                  "fx",
+                                                  "fy",
+                                                  "cx",
+                                                  "cy",
+                                                  "k1",
+                                                  "k2",
+                                                  "p1",
+                                                  "p2",
+                                                  "k3",
+                                                  "depth_units_per_metre",
+                                                  "invalid_depth",
+                                                  "depth_time_offset"};
   LineReader reader(in);
   while (reader.next()) {
     const std::string_view whole = reader.line(), line = whole.substr(0, whole.find('#'));
@@ -82,9 +99,11 @@ CameraConfig parse_camera(std::istream& in, const std::string& file) {
   const double invalid = value["invalid_depth"];
   if (!(invalid >= 0 && invalid <= 65535) || invalid != static_cast<int>(invalid))
     throw InputError(file, 0, "invalid_depth must be a whole number from 0 to 65535");
-  CameraConfig camera =
-      make(name, {value["fx"], value["fy"], value["cx"], value["cy"]},
-           {value["k1"], value["k2"], value["p1"], value["p2"], value["k3"]}, value["depth_units_per_metre"]);
+  const double late = value["depth_time_offset"];
+  if (!(std::abs(late) <= 1)) throw InputError(file, 0, "depth_time_offset must be from -1 to 1 s");
+  CameraConfig camera = make(name, {value["fx"], value["fy"], value["cx"], value["cy"]},
+                             {value["k1"], value["k2"], value["p1"], value["p2"], value["k3"]},
+                             value["depth_units_per_metre"], late);
   camera.width = static_cast<int>(width);
   camera.height = static_cast<int>(height);
   camera.invalid_depth = static_cast<int>(invalid);
@@ -92,16 +111,17 @@ CameraConfig parse_camera(std::istream& in, const std::string& file) {
 }
 
 CameraConfig load_camera(const std::string& name_or_file) {
-  // Calibrations published with the TUM RGB-D data set.
+  // Calibrations published with the TUM RGB-D data set; the offsets of the depth images' stamps are those
+  // with which static scenes stand still (docs/method.md, When depth was taken). None was measured of fr2.
   if (name_or_file == "fr1") {
     return make("fr1", {517.306, 516.469, 318.643, 255.314},
-                {0.262383, -0.953104, -0.005358, 0.002628, 1.163314}, 5000);
+                {0.262383, -0.953104, -0.005358, 0.002628, 1.163314}, 5000, 0.018);
   }
   if (name_or_file == "fr2") {
     return make("fr2", {520.909, 521.007, 325.141, 249.702},
                 {0.231222, -0.784899, -0.003257, -0.000105, 0.917205}, 5208);
   }
-  if (name_or_file == "fr3") return make("fr3", {535.4, 539.2, 320.1, 247.6}, {0, 0, 0, 0, 0}, 5000);
+  if (name_or_file == "fr3") return make("fr3", {535.4, 539.2, 320.1, 247.6}, {0, 0, 0, 0, 0}, 5000, 0.012);
   // Published with the Bonn RGB-D Dynamic data set.
   if (name_or_file == "bonn") {
     return make("bonn", {542.822841, 542.576870, 315.593520, 237.756098},

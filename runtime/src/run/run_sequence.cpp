@@ -284,6 +284,7 @@ SequenceOptions sequence_options(const RunOptions& options) {
   result.max_frames = options.max_frames;
   result.format = options.format;
   result.rate = options.rate;
+  result.camera = options.camera;
   return result;
 }
 

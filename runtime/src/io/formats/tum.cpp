@@ -172,17 +172,19 @@ void read_lists(Sequence& sequence, const std::string& associations, const Seque
     std::istringstream in(read_file(path));
     sequence.frames = parse_associations(in, path.string());
     if (sequence.frames.empty()) throw InputError(path.string(), 0, "lists no images");
-    for (const FrameRecord& record : sequence.frames) {
+    for (FrameRecord& record : sequence.frames) {
+      record.t_depth -= options.depth_time_offset;
       sequence.colour_times.push_back(record.t_rgb);
       sequence.depth_times.push_back(record.t_depth);
     }
   } else {
     const auto rgb = read_list(root / "rgb.txt"), depth = read_list(root / "depth.txt");
     for (const auto& e : rgb) sequence.colour_times.push_back(e.t);
-    for (const auto& e : depth) sequence.depth_times.push_back(e.t);
+    for (const auto& e : depth) sequence.depth_times.push_back(e.t - options.depth_time_offset);
     for (const auto& [i, j] :
          associate(sequence.colour_times, sequence.depth_times, options.max_association_difference)) {
-      sequence.frames.push_back({rgb[i].t, depth[j].t, rgb[i].stamp, rgb[i].path, depth[j].path, {}});
+      sequence.frames.push_back(
+          {rgb[i].t, sequence.depth_times[j], rgb[i].stamp, rgb[i].path, depth[j].path, {}});
     }
     if (sequence.frames.empty()) {
       throw InputError(

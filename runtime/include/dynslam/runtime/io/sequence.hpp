@@ -16,8 +16,9 @@ namespace dynslam::runtime {
 
 /// One colour image with its depth image.
 struct FrameRecord {
-  double t_rgb = 0, t_depth = 0;  ///< seconds
-  std::string stamp;              ///< colour time or number as the folder prints it; names masks and results
+  double t_rgb = 0,
+         t_depth = 0;  ///< [s]; of depth, when it was taken: CameraConfig::depth_time_offset is off
+  std::string stamp;   ///< colour time or number as the folder prints it; names masks and results
   std::filesystem::path rgb, depth;
   cv::Size colour_size{};  ///< of the colour file [px] where it is to be scaled to the camera's; else empty
 };
@@ -42,6 +43,8 @@ struct SequenceOptions {
   std::size_t max_frames = 0;                ///< 0: all
   std::string format{};                      ///< one of sequence_formats(); empty: by looking at the folder
   double rate = 30;                          ///< frames per second, of formats without time stamps
+  std::string camera{};          ///< as camera_of()'s: its depth_time_offset goes into the pairing of images
+  double depth_time_offset = 0;  ///< 0: the camera's
 };
 
 /// A format and the files that it is recognised by.
