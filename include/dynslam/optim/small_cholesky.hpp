@@ -77,8 +77,8 @@ class SmallCholesky {
   }
 
  private:
-  S L_[N][N];  // strictly lower part; the rest is not used
-  S pivot_[N], inverse_pivot_[N], scale_[N];
+  S L_[N][N]{};  // strictly lower part; the rest is not used
+  S pivot_[N]{}, inverse_pivot_[N]{}, scale_[N]{};
 };
 
 }  // namespace dynslam

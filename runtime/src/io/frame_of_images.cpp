@@ -33,7 +33,7 @@ cv::Mat depth_in_metres(const cv::Mat& depth, const CameraConfig& camera) {
   depth_to_metres<float>(interop::view<const std::uint16_t>(depth),
                          static_cast<float>(camera.depth_units_per_metre), interop::view<float>(metres));
   if (camera.invalid_depth > 0)  // 0 is none in every format
-    metres.setTo(std::numeric_limits<float>::quiet_NaN(), depth == camera.invalid_depth);
+    metres.setTo(cv::Scalar::all(std::numeric_limits<double>::quiet_NaN()), depth == camera.invalid_depth);
   return metres;
 }
 
