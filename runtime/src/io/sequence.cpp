@@ -82,35 +82,15 @@ std::vector<std::string> formats_of(const fs::path& root) {
   return found;
 }
 
-namespace {
-
-Sequence load_as(const Format& format, const fs::path& root, const SequenceOptions& options) {
-  Sequence sequence = format.load(root, options);
-  sequence.format = std::string(format.name);
-  if (sequence.groundtruth.empty()) sequence.truth_file.clear();
-  if (fs::exists(root / "camera.txt")) sequence.camera_hint = (root / "camera.txt").string();
-  return sequence;
-}
-
-/// Of the camera, where one is known.
-double depth_time_offset(const Sequence& sequence, const std::string& camera) {
-  if (camera.empty() && sequence.camera_hint.empty() && !sequence.camera) return 0;
-  return camera_of(sequence, camera).depth_time_offset;
-}
-
-}  // namespace
-
 Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
   if (!(options.rate > 0 && options.rate <= 1e6))
     throw UsageError(fmt::format("a rate of {} frames per second is none", options.rate));
   if (!fs::is_directory(root)) throw InputError(root.string(), 0, "is not a folder");
   const Format& format = options.format.empty() ? format_by_looking(root) : format_by_name(options.format);
-  Sequence sequence = load_as(format, root, options);
-  if (options.depth_time_offset == 0) {  // images are paired by when they were taken, which the camera says
-    SequenceOptions again = options;
-    again.depth_time_offset = depth_time_offset(sequence, options.camera);
-    if (again.depth_time_offset != 0) sequence = load_as(format, root, again);
-  }
+  Sequence sequence = format.load(root, options);
+  sequence.format = std::string(format.name);
+  if (sequence.groundtruth.empty()) sequence.truth_file.clear();
+  if (fs::exists(root / "camera.txt")) sequence.camera_hint = (root / "camera.txt").string();
   if (options.max_frames > 0 && sequence.frames.size() > options.max_frames)
     sequence.frames.resize(options.max_frames);
   return sequence;

@@ -41,6 +41,18 @@ bool has_lists(const fs::path& root) {
          fs::exists(root / "associations.txt");
 }
 
+/// Images are paired by when they were taken, which the camera says: the one that the options name, or the
+/// folder's camera.txt, or the one known by the folder's name.
+double depth_time_offset(const Sequence& sequence, const SequenceOptions& options) {
+  if (!sequence.has_stamps) return 0;  // numbers of frames are no times
+  if (options.depth_time_offset != 0) return options.depth_time_offset;
+  std::string camera = options.camera;
+  if (const fs::path file = sequence.root / "camera.txt"; camera.empty() && fs::exists(file))
+    camera = file.string();
+  if (camera.empty()) camera = sequence.camera_hint;
+  return camera.empty() ? 0.0 : load_camera(camera).depth_time_offset;
+}
+
 void read_truth(Sequence& sequence) {
   const fs::path path = sequence.root / "groundtruth.txt";
   if (!fs::exists(path)) return;
@@ -136,10 +148,10 @@ Sequence load_icl(const fs::path& root, const SequenceOptions& options) {
 Sequence load_tum(const fs::path& root, const SequenceOptions& options) {
   Sequence sequence;
   sequence.root = root;
-  read_lists(sequence, "associations.txt", options);
-  read_truth(sequence);
   sequence.folder_camera = camera_by_folder(folder_name(root));
   sequence.camera_hint = sequence.folder_camera;
+  read_lists(sequence, "associations.txt", options);
+  read_truth(sequence);
   return sequence;
 }
 
@@ -168,19 +180,20 @@ std::string folder_name(const fs::path& root) {
 
 void read_lists(Sequence& sequence, const std::string& associations, const SequenceOptions& options) {
   const fs::path& root = sequence.root;
+  const double offset = depth_time_offset(sequence, options);
   if (const fs::path path = root / associations; fs::exists(path)) {
     std::istringstream in(read_file(path));
     sequence.frames = parse_associations(in, path.string());
     if (sequence.frames.empty()) throw InputError(path.string(), 0, "lists no images");
     for (FrameRecord& record : sequence.frames) {
-      record.t_depth -= options.depth_time_offset;
+      record.t_depth -= offset;
       sequence.colour_times.push_back(record.t_rgb);
       sequence.depth_times.push_back(record.t_depth);
     }
   } else {
     const auto rgb = read_list(root / "rgb.txt"), depth = read_list(root / "depth.txt");
     for (const auto& e : rgb) sequence.colour_times.push_back(e.t);
-    for (const auto& e : depth) sequence.depth_times.push_back(e.t - options.depth_time_offset);
+    for (const auto& e : depth) sequence.depth_times.push_back(e.t - offset);
     for (const auto& [i, j] :
          associate(sequence.colour_times, sequence.depth_times, options.max_association_difference)) {
       sequence.frames.push_back(
