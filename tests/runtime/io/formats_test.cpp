@@ -219,6 +219,7 @@ TEST_CASE("damaged files of each format are refused with file, line and reason")
       {"replica", "traj.txt", "\n1 0 0 0 0 1 0 0 0 0 -1 0 0 0 0 1\n", "traj.txt:2: the matrix is no rigid"},
       {"replica", "../cam_params.json", "{\"camera\": {\"w\": 640,\n\"h\": }}",
        "cam_params.json:2: is not JSON"},
+      {"replica", "../cam_params.json", "{\"camera\": {\"w\": 1e999}}", "holds a number that is too large"},
       {"replica", "../cam_params.json", "{\"camera\": {\"w\": 640}}",
        "cam_params.json: the number \"h\" is missing"},
       {"scannet", "intrinsic/intrinsic_depth.txt", "540 0 319.5 0\n",

@@ -23,6 +23,8 @@ json parse_json(const std::string& text, const std::string& file) {
     const auto end = text.begin() + static_cast<std::ptrdiff_t>(std::min(error.byte, text.size()));
     throw InputError(file, static_cast<std::size_t>(std::count(text.begin(), end, '\n')) + 1,
                      "is not JSON here");
+  } catch (const json::out_of_range&) {  // a number beyond double's
+    throw InputError(file, 0, "holds a number that is too large");
   }
 }
 
