@@ -34,6 +34,7 @@
 #include "dynslam/segment/connectivity.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
 #include "dynslam/segment/mask.hpp"
+#include "dynslam/segment/mask_completion.hpp"
 #include "dynslam/segment/mask_growing.hpp"
 #include "dynslam/segment/mask_upsampling.hpp"
 #include "dynslam/segment/region_growing.hpp"
@@ -142,6 +143,10 @@ void growing_of(const ImageSet<S>& set, Record<double>& out) {
                                 Kind::out(grown), MaskGrowingOptions{}, growing);
   out.put("grow_mask.seeds", result.seeds);
   put_image(out, "grow_mask", Kind::in(grown));
+  complete_surfaces(Kind::in(depth), Kind::out(grown), step, 0.3, 1, growing.growing);
+  UnmeasuredWorkspace unmeasured;
+  complete_unmeasured(labels, Kind::in(depth), Kind::out(grown), {}, unmeasured);
+  put_image(out, "complete_mask", Kind::in(grown));
   put_image(out, "grow_mask.age", Kind::in(age));
 }
 

@@ -24,6 +24,7 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/image/image_view.hpp"
 #include "dynslam/image/pyramid.hpp"
+#include "dynslam/segment/mask_completion.hpp"
 #include "dynslam/segment/mask_growing.hpp"
 #include "dynslam/segment/mask_upsampling.hpp"
 
@@ -57,6 +58,7 @@ struct MotionSegmenterOptions {
   DepthGridOptions grid;
   FreeSpaceOptions free_space;
   MaskGrowingOptions growing;
+  UnmeasuredOptions unmeasured;
 };
 
 enum class MotionStatus : std::uint8_t {
@@ -109,7 +111,9 @@ class MotionSegmenter {
   using Vector2 = Eigen::Matrix<S, 2, 1>;
 
   explicit MotionSegmenter(const Camera& camera, const Options& options = {})
-      : camera_(camera), options_(options), history_(options.free_space) {}
+      : camera_(camera), options_(options), history_(options.free_space) {
+    if (options_.method == Method::paper) options_.growing.whole = 2;  // an addition to the paper's step 9
+  }
 
   [[nodiscard]] const Options& options() const { return options_; }
 
@@ -153,6 +157,8 @@ class MotionSegmenter {
     motion_.seeds = grown.seeds;
     motion_.regions_leaked = grown.regions_leaked;
     upsample_mask(cell_mask_.view(), depth_, depth, grid_, motion_.mask.view(), zone_);
+    if (options_.method == Method::full && motion_.seeds > 0)
+      complete_unmeasured(pyramid_.image(0), depth, motion_.mask.view(), options_.unmeasured, unmeasured_);
     on_stage(MotionStage::growing);
     return motion_;
   }
@@ -350,6 +356,7 @@ class MotionSegmenter {
   Image<float> depth_;                                     // reduced
   Image<std::uint8_t> smooth_, cell_mask_, state_, zone_;  // of the cells
   MaskGrowingWorkspace growing_;
+  UnmeasuredWorkspace unmeasured_;
   CornerWorkspace corner_workspace_;
   std::vector<Eigen::Vector2i> corners_;
   std::vector<ReferenceKeypoint<S>> keypoints_;

@@ -14,6 +14,7 @@
 #include "dynslam/segment/connected_components.hpp"
 #include "dynslam/segment/connectivity.hpp"
 #include "dynslam/segment/mask.hpp"
+#include "dynslam/segment/mask_completion.hpp"
 #include "dynslam/segment/region_growing.hpp"
 
 namespace dynslam {
@@ -25,6 +26,7 @@ struct MaskGrowingOptions {
   int reach = 8;              ///< pixels around fresh evidence that a region may fill; < 0: any number
   int max_hole = 600;         ///< larger holes in a mask stay open
   double max_fraction = 0.7;  ///< share of the valid depth beyond which a region has leaked
+  double whole = 0.6;         ///< share of a connected surface from which on all of it moves; above 1: never
   RelativeStep<float> step{0.03F, 0.010F};  ///< between neighbouring pixels [m, 1/m]: the sensor's noise
 };
 
@@ -41,7 +43,7 @@ struct MaskGrowingWorkspace {
   std::vector<std::uint8_t> region_age;
 };
 
-/// Completes objects around what was seen to move (paper, step 9): seeds -> regions -> holes filled -> ages.
+/// Completes objects around what was seen to move (paper, step 9): seeds -> regions -> surfaces completed -> holes filled -> ages.
 ///
 /// Growing must not wander through parts of the scene of which nothing is known yet, so it stays within
 /// `reach` of fresh evidence (a seed of age 0). A hole in a mover is the mover: its inside overlaps where it
@@ -90,6 +92,7 @@ MaskGrowingResult grow_mask(const D& depth, Seed&& seed, Barrier&& barrier, Age&
   const auto grown =
       grow_regions(depth, barrier, std::span<const PixelIndex>(ws.seeds), step, growing, mask, ws.growing);
   result.regions_leaked = grown.regions_leaked + grown.regions_excess;
+  complete_surfaces(depth, mask, step, options.whole, options.max_fraction, ws.growing);
   // What touches the outside at a corner is not counted as inside: it more often is what is seen past a
   // mover.
   fill_holes(mask, options.max_hole, Connectivity::eight, ws.morphology);

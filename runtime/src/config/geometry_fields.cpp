@@ -119,7 +119,14 @@ void list(FieldList& f, MaskGrowingOptions& o) {
     between(-1, 10000));
   f("max_hole", o.max_hole, "cells", "size up to which a hole in a mask is filled", kCount);
   f("max_fraction", o.max_fraction, "", "share of the valid depth above which a region has leaked", kShare);
+  f("whole", o.whole, "", "share of a connected surface from which on all of it moves; above 1: never",
+    between(0, 2));
   f.table("step", o.step);
+}
+
+void list(FieldList& f, UnmeasuredOptions& o) {
+  f("reach", o.reach, "", "how far a mask may enter what has no depth, as a share of the width", kShare);
+  f("contrast", o.contrast, "grey levels", "edge that costs as much as the whole reach", kPositive);
 }
 
 void list(FieldList& f, MotionSegmenterOptions<double>& o) {
@@ -132,6 +139,7 @@ void list(FieldList& f, MotionSegmenterOptions<double>& o) {
   f.table("grid", o.grid);
   f.table("free_space", o.free_space);
   f.table("growing", o.growing);
+  f.table("unmeasured", o.unmeasured);
 }
 
 }  // namespace dynslam::runtime::config
