@@ -15,6 +15,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "evaluate_command.hpp"
 #include "exit_codes.hpp"
+#include "help_commands.hpp"
 #include "info_command.hpp"
 #include "map_command.hpp"
 #include "run_command.hpp"
@@ -40,11 +41,13 @@ int run(int argc, char** argv) {
   const SynthCommand synth(app);
   const MapCommand map(app);
   const ConfigCommand show(app, run_command);
+  const HelpCommands help(app);
   const auto config = add_config_option(app, {{"run", run_command.fields()}, {"ablate", ablate.fields()}});
   try {
     app.parse(arguments(argc, argv));
     if (run_command.chosen()) return run_command.run();
     if (show.chosen()) return show.run();
+    if (help.chosen()) return help.run();
     if (ablate.chosen()) return ablate.run();
     if (evaluate.chosen()) return evaluate.run();
     if (info.chosen()) return info.run();
