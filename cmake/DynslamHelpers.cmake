@@ -8,19 +8,31 @@ function(dynslam_warnings target)
     $<$<BOOL:${DYNSLAM_WERROR}>:-Werror>)
 endfunction()
 
-# Settings of tests that compile more than they compute: those of the core, all templates.
-function(dynslam_template_test_settings target)
+# Settings of tests, by DYNSLAM_TEST_OPTIMIZATION if it is given. With COMPUTES their time to run counts: -O1 then.
+function(dynslam_test_settings target)
   dynslam_warnings(${target})
-  if(DYNSLAM_TEST_OPTIMIZATION)
+  if(NOT DYNSLAM_TEST_OPTIMIZATION)
+    return()
+  endif()
+  if("COMPUTES" IN_LIST ARGN)
+    target_compile_options(${target} PRIVATE -O1)
+  else()
     target_compile_options(${target} PRIVATE ${DYNSLAM_TEST_OPTIMIZATION})
   endif()
+  # Below -O2 g++ takes values inside Eigen's expressions for ones that may be uninitialised.
+  target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
 endfunction()
 
-# Settings of benchmarks and examples.
+# Settings of benchmarks, and after those of tests of examples.
 function(dynslam_bench_settings target)
   dynslam_warnings(${target})
   separate_arguments(flags NATIVE_COMMAND "${DYNSLAM_BENCH_FLAGS}")
   target_compile_options(${target} PRIVATE ${flags})
+endfunction()
+
+function(dynslam_example_settings target)
+  dynslam_test_settings(${target} COMPUTES)
+  dynslam_bench_settings(${target})
 endfunction()
 
 # dynslam::NAME, an INTERFACE target for include/dynslam/interop/NAME*.hpp on top of the core.

@@ -10,6 +10,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 scripts/install-deps.sh app
 
+export CCACHE_DEPEND=${CCACHE_DEPEND:-1}  # as scripts/test.sh, so that one finds what the other compiled
 mkdir -p build/release results
 cmake --preset release -D DYNSLAM_BUILD_TESTS=OFF -D DYNSLAM_BUILD_BENCHMARKS=OFF -D DYNSLAM_BUILD_EXAMPLES=OFF \
   -D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=8 > build/release/configure.log 2>&1 || {
