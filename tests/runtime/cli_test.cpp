@@ -28,6 +28,17 @@ std::ptrdiff_t lines_with(const std::string& text, const std::string& part) {
   return count;
 }
 
+/// Three seconds along xyz, one person walking, made by the program once for all tests of this file.
+const std::string& three_seconds() {
+  static const dynslam::test::TemporaryFolder folder;
+  static const std::string path = [] {
+    const std::string made = (folder.path / "s").string();
+    REQUIRE(call("synth " + made + " --frames 90 --path xyz --walkers 1").code == 0);
+    return made;
+  }();
+  return path;
+}
+
 void check_one_line_error(const std::string& arguments, int code, const std::string& part) {
   const ProgramResult r = call(arguments);
   CAPTURE(arguments);
@@ -170,11 +181,12 @@ TEST_CASE(
 TEST_CASE("a run says in one line what was broken, and how accurate it was") {
   const dynslam::test::TemporaryFolder folder;
   const std::string path = folder.path.string();
-  REQUIRE(call("synth " + path + "/s --frames 40 --path xyz --walkers 1").code == 0);
+  std::filesystem::copy(three_seconds(), folder.path / "s", std::filesystem::copy_options::recursive);
   for (const char* stamp : {"1000000.500000", "1000000.600000", "1000000.700000"}) {
     std::filesystem::resize_file(folder.path / "s" / "rgb" / (std::string(stamp) + ".png"), 5000);
   }
-  const ProgramResult r = call("run " + path + "/s --out " + path + "/o --dynamics none --map false");
+  const ProgramResult r =
+      call("run " + path + "/s --out " + path + "/o --dynamics none --map false --max-frames 40");
   CAPTURE(r.out);
   CHECK(r.code == 0);
   CHECK(lines_with(r.out, "warning") == 1);
@@ -189,10 +201,10 @@ TEST_CASE("a run says in one line what was broken, and how accurate it was") {
 TEST_CASE("an interrupted run keeps what it has and exits with 130") {
   const dynslam::test::TemporaryFolder folder;
   const std::string path = folder.path.string();
-  REQUIRE(call("synth " + path + "/s --frames 90 --path xyz --walkers 1").code == 0);
+  const std::string& sequence = three_seconds();
   // summary.json appears when the run begins.
   const ProgramResult r =
-      shell(std::string(DYNSLAM_PROGRAM) + " run " + path + "/s --out " + path +
+      shell(std::string(DYNSLAM_PROGRAM) + " run " + sequence + " --out " + path +
             "/o --dynamics geometric 2>&1 & pid=$!; " + "for i in $(seq 3000); do [ -e " + path +
             "/o/summary.json ] && break; sleep 0.01; done; " + "sleep 0.1; kill -INT $pid; wait $pid");
   CAPTURE(r.out);
@@ -243,9 +255,9 @@ namespace {
 /// which is written after it, some frames.
 ProgramResult run_and_signal(const std::string& path, const std::string& signal,
                              const std::string& prefix = {}) {
-  return shell(prefix + std::string(DYNSLAM_PROGRAM) + " run " + path + "/s --out " + path +
-               "/o --dynamics geometric --map false --save-every 0.1 > " + path + "/log 2>&1 & pid=$!; " +
-               "for i in $(seq 3000); do [ \"$(cat " + path +
+  return shell(prefix + std::string(DYNSLAM_PROGRAM) + " run " + three_seconds() + " --max-frames 60 --out " +
+               path + "/o --dynamics geometric --map false --save-every 0.1 > " + path +
+               "/log 2>&1 & pid=$!; " + "for i in $(seq 3000); do [ \"$(cat " + path +
                "/o/trajectory.txt 2>/dev/null | wc -l)\" -gt 5 ] && grep -qs '\"tracked\": [1-9]' " + path +
                "/o/summary.json && break; sleep 0.01; done; kill -" + signal + " $pid; wait $pid");
 }
@@ -261,7 +273,7 @@ TEST_CASE(
     "a killed run leaves its trajectory and its summary so far; a closed terminal ends it like Ctrl-C") {
   const dynslam::test::TemporaryFolder folder;
   const std::string path = folder.path.string();
-  REQUIRE(call("synth " + path + "/s --frames 60 --path xyz --walkers 1").code == 0);
+  (void)three_seconds();  // made before the first run is waited for
   CHECK(run_and_signal(path, "KILL").code == 137);
   auto summary = summary_of(path);
   CHECK(summary["interrupted"] == true);
