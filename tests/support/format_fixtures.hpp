@@ -8,6 +8,8 @@
 #include <cstddef>
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
@@ -95,7 +97,22 @@ struct FormatFixture : TemporaryFolder {
   View view;
   std::filesystem::path root;  ///< of the sequence, within `path`
 
+  /// Each format is written once for all tests of the program; what a test gets, and may change, is a copy.
   explicit FormatFixture(const std::string& name) : format(name), root(path / folder_of(name)) {
+    static std::map<std::string, std::unique_ptr<const FormatFixture>> written;
+    std::unique_ptr<const FormatFixture>& original = written[name];
+    if (!original) original.reset(new FormatFixture(name, Written{}));
+    view = original->view;
+    std::filesystem::copy(original->path, path, std::filesystem::copy_options::recursive);
+  }
+
+  [[nodiscard]] bool stamped() const { return format == "tum" || format == "bonn" || format == "eth3d"; }
+
+  static std::string stamp(std::size_t i) { return fmt::format("{:.6f}", 100 + double(i) / kFilmRate); }
+
+ private:
+  struct Written {};
+  FormatFixture(const std::string& name, Written) : format(name), root(path / folder_of(name)) {
     std::filesystem::create_directories(root);
     if (name == "tum") tum({}, "groundtruth.txt", "associations.txt");
     if (name == "bonn") bonn();
@@ -107,11 +124,6 @@ struct FormatFixture : TemporaryFolder {
     if (name == "redwood") redwood();
   }
 
-  [[nodiscard]] bool stamped() const { return format == "tum" || format == "bonn" || format == "eth3d"; }
-
-  static std::string stamp(std::size_t i) { return fmt::format("{:.6f}", 100 + double(i) / kFilmRate); }
-
- private:
   /// The names by which TUM's and Bonn's cameras are known.
   static std::string folder_of(const std::string& name) {
     if (name == "bonn") return "rgbd_bonn_office";
