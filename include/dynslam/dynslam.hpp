@@ -32,6 +32,7 @@
 #include "dynslam/features/multi_index.hpp"
 #include "dynslam/features/patch_matcher.hpp"
 #include "dynslam/features/patch_search.hpp"
+#include "dynslam/geometry/any_camera.hpp"
 #include "dynslam/geometry/brown_conrady.hpp"
 #include "dynslam/geometry/epipolar.hpp"
 #include "dynslam/geometry/first_root.hpp"

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 
+#include "dynslam/geometry/any_camera.hpp"
 #include "dynslam/geometry/brown_conrady.hpp"
 #include "dynslam/geometry/kannala_brandt.hpp"
 #include "dynslam/geometry/pinhole.hpp"
@@ -35,6 +36,11 @@ struct ConformanceCamera<KannalaBrandt<S>> {
     return KannalaBrandt<S>(S(120), S(121), S(80), S(60),
                             Eigen::Matrix<S, 4, 1>(S(-0.02), S(0.005), S(-0.002), S(0.0003)));
   }
+};
+template <class S>
+struct ConformanceCamera<AnyCamera<S>> {
+  static constexpr const char* name = "any";
+  static AnyCamera<S> make() { return ConformanceCamera<KannalaBrandt<S>>::make(); }
 };
 template <class S>
 struct ConformanceCamera<EquidistantCamera<S>> {

@@ -223,6 +223,7 @@ struct CameraFunctions {
     conformance::projections(conformance_camera<Pinhole<S>>(), T, out);
     conformance::projections(conformance_camera<PinholeBrownConrady<S>>(), T, out);
     conformance::projections(conformance_camera<KannalaBrandt<S>>(), T, out);
+    conformance::projections(conformance_camera<AnyCamera<S>>(), T, out);
     conformance::projections(conformance_camera<EquidistantCamera<S>>(), T, out);
     return out;
   }

@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include <Eigen/LU>
 #include <unsupported/Eigen/AutoDiff>
 
 #include "jacobian.hpp"
@@ -108,6 +109,52 @@ TEST_CASE("the derivative by k1 at 0 is r^2 f x / z, not nothing") {
   const auto ideal = camera.undistort_pixel({Dual(570), Dual(240)});
   REQUIRE(ideal);
   CHECK(ideal->x().derivatives()(0) == doctest::Approx(-62.5));
+}
+
+TEST_CASE("with k4, k5 and k6 the lens ends at the pole of the fraction, or where it turns back before") {
+  // r / (1 - 0.5 r^2): nothing turns back before the pole at r^2 = 2.
+  const BrownConrady<double> pole(0, 0, 0, 0, 0, -0.5, 0, 0);
+  CHECK(pole.is_rational());
+  CHECK_FALSE(pole.is_identity());
+  CHECK(pole.valid_radius() == doctest::Approx(std::sqrt(2.0)));
+  CHECK_FALSE(pole.distort({1.5, 0}));
+  // r / (1 + r^2) has its maximum 0.5 at r = 1.
+  const BrownConrady<double> turns(0, 0, 0, 0, 0, 1, 0, 0);
+  CHECK(turns.valid_radius() == doctest::Approx(1));
+  CHECK_FALSE(turns.distort({1.01, 0}));
+  CHECK_FALSE(turns.undistort({0.51, 0}));
+  REQUIRE(turns.undistort({0.4, 0}));
+  CHECK(turns.undistort({0.4, 0})->x() == doctest::Approx(0.5));  // not 2, which leads there, too
+  // Equal polynomials cancel: no distortion, wherever the denominator is not 0.
+  const BrownConrady<double> none(0.3, 0.2, 0, 0, 0.1, 0.3, 0.2, 0.1);
+  REQUIRE(none.distort({0.7, -0.4}));
+  CHECK((*none.distort({0.7, -0.4}) - Eigen::Vector2d(0.7, -0.4)).norm() < 1e-15);
+}
+
+TEST_CASE("eight coefficients: Jacobian, inverse and dual numbers") {
+  using Dual = Eigen::AutoDiffScalar<Eigen::Vector2d>;
+  test::Rng rng("rational lens");
+  int inverted = 0;
+  for (int k = 0; k < 2000; ++k) {
+    const auto c = [&](double most) { return rng.uniform(-most, most); };
+    const BrownConrady<double> lens(c(0.5), c(0.5), c(0.005), c(0.005), c(0.3), c(0.5), c(0.5), c(0.3));
+    const double r = std::min(1.2, 0.95 * lens.valid_radius()) * std::sqrt(rng.uniform()), a = c(3.2);
+    const Eigen::Vector2d n(r * std::cos(a), r * std::sin(a));
+    BrownConrady<double>::Matrix2 J = BrownConrady<double>::Matrix2::Zero();
+    const auto d = lens.distort(n, &J);
+    if (!d || J.determinant() < 0.1 || J.norm() > 20) continue;  // at the very end of the field
+    const auto f = [&](const Eigen::Vector2d& m) -> Eigen::Vector2d { return *lens.distort(m); };
+    if (k % 10 == 0) CHECK(test::relative_error(J, test::central_differences<2, 2>(f, n)) < 1e-6);
+    const auto dual = lens.cast<Dual>().distort({Dual(n.x(), 2, 0), Dual(n.y(), 2, 1)});
+    REQUIRE(dual);
+    for (int i = 0; i < 2; ++i)
+      CHECK((dual->coeff(i).derivatives().transpose() - J.row(i)).norm() < 1e-9 * (1 + J.norm()));
+    const auto back = lens.undistort(*d);
+    REQUIRE(back);
+    CHECK((*back - n).norm() < 1e-9);
+    ++inverted;
+  }
+  CHECK(inverted > 1800);
 }
 
 TEST_CASE_TEMPLATE("unproject inverts project behind fr1's lens", S, float, double) {

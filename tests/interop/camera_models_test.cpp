@@ -30,7 +30,12 @@ const Lens kLenses[] = {
     {"fr1", {517.306, 516.469, 318.643, 255.314}, {0.262383, -0.953104, -0.005358, 0.002628, 1.163314}},
     {"fr2", {520.909, 521.007, 325.141, 249.702}, {0.231222, -0.784899, -0.003257, -0.000105, 0.917205}},
     {"EuRoC", {458.654, 457.296, 367.215, 248.375}, {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05, 0}},
-    {"wide", {300, 300, 320, 240}, {-0.5, 0, 0.001, -0.001, 0}}};
+    {"wide", {300, 300, 320, 240}, {-0.5, 0, 0.001, -0.001, 0}},
+    // Eight coefficients: an Azure Kinect's, whose two polynomials nearly cancel, and one with a pole.
+    {"rational",
+     {915.5, 915.3, 957.7, 551.5},
+     {0.4536, -2.5436, 0.000831, -0.000261, 1.4513, 0.3331, -2.3635, 1.3783}},
+    {"pole", {300, 300, 320, 240}, {-0.6, 0.05, 0.001, -0.001, 0, -0.9, 0.1, 0.02}}};
 
 }  // namespace
 
@@ -40,8 +45,8 @@ TEST_CASE("Brown and Conrady's lens agrees with OpenCV's within its field") {
     CAPTURE(lens.name);
     const PinholeBrownConrady<double> camera(lens.pinhole, lens.distortion);
     const cv::Mat K = matrix(lens.pinhole);
-    cv::Mat k(5, 1, CV_64F);
-    for (int i = 0; i < 5; ++i) k.at<double>(i) = lens.distortion.coefficients()(i);
+    cv::Mat k(8, 1, CV_64F);
+    for (int i = 0; i < 8; ++i) k.at<double>(i) = lens.distortion.coefficients()(i);
     const double reach = std::min(0.6, 0.9 * lens.distortion.valid_radius());
     for (int n = 0; n < 300; ++n) {
       const double r = reach * std::sqrt(rng.uniform()), a = rng.uniform(-3.2, 3.2), z = rng.uniform(0.3, 6);

@@ -82,6 +82,8 @@ static_assert(DifferentiableCamera<dynslam::PinholeBrownConrady<float>>);
 static_assert(DifferentiableCamera<dynslam::PinholeBrownConrady<Eigen::AutoDiffScalar<Eigen::Vector3d>>>);
 static_assert(DifferentiableCamera<dynslam::KannalaBrandt<float>>);
 static_assert(DifferentiableCamera<dynslam::KannalaBrandt<Eigen::AutoDiffScalar<Eigen::Vector3d>>>);
+static_assert(DifferentiableCamera<dynslam::AnyCamera<double>>);
+static_assert(DifferentiableCamera<dynslam::AnyCamera<Eigen::AutoDiffScalar<Eigen::Vector3d>>>);
 static_assert(!CameraModel<Eigen::Matrix3d>);
 static_assert(!CameraModel<dynslam::SE3<double>>);
 

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <concepts>
+#include <cstddef>
 #include <limits>
 #include <optional>
 
@@ -14,11 +16,14 @@
 namespace dynslam {
 
 /// Brown-Conrady lens distortion of normalised coordinates, in OpenCV's order and sign:
-/// x_d = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + [2 p1 x y + p2 (r^2 + 2 x^2), p1 (r^2 + 2 y^2) + 2 p2 x y].
+/// x_d = x f(r^2) + [2 p1 x y + p2 (r^2 + 2 x^2), p1 (r^2 + 2 y^2) + 2 p2 x y] with
+/// f(r^2) = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6);
+/// five coefficients have k4 = k5 = k6 = 0, eight are OpenCV's rational model (ROS: rational_polynomial).
 ///
-/// The polynomial describes a lens only up to the radius where it turns back (d r_d / d r = 0); beyond, it
-/// would put what lies outside the field into the image. The field is what is within valid_radius() and,
-/// which differs with p1 and p2 only, not folded over (a Jacobian with a positive determinant).
+/// f describes a lens only up to the radius where r f(r^2) turns back (d r_d / d r = 0) or its denominator
+/// ends at 0; beyond, it would put what lies outside the field into the image. The field is what is within
+/// valid_radius() and, which differs with p1 and p2 only, not folded over (a Jacobian with a positive
+/// determinant).
 template <Scalar S>
 class BrownConrady {
  public:
@@ -27,19 +32,21 @@ class BrownConrady {
   using Matrix2 = Eigen::Matrix<S, 2, 2>;
 
   BrownConrady() = default;  ///< no distortion
-  BrownConrady(S k1, S k2, S p1, S p2, S k3) : k1_(k1), k2_(k2), p1_(p1), p2_(p2), k3_(k3) {
-    constexpr double kWidest = 1e4;  // r^2 at 89.4 degrees from the axis: no such lens is calibrated
-    valid_r2_ = detail::first_root(
-        std::array{1.0, 3.0 * to_double(k1), 5.0 * to_double(k2), 7.0 * to_double(k3)}, kWidest);
-  }
+  BrownConrady(S k1, S k2, S p1, S p2, S k3, S k4 = S(0), S k5 = S(0), S k6 = S(0))
+      : k1_(k1), k2_(k2), p1_(p1), p2_(p2), k3_(k3), k4_(k4), k5_(k5), k6_(k6), valid_r2_(field()) {}
 
   /// Whether all coefficients are plain zeros. Dual numbers never are: their derivatives count.
   [[nodiscard]] bool is_identity() const {
     if constexpr (std::floating_point<S>) {
-      return k1_ == S(0) && k2_ == S(0) && p1_ == S(0) && p2_ == S(0) && k3_ == S(0);
+      return k1_ == S(0) && k2_ == S(0) && p1_ == S(0) && p2_ == S(0) && k3_ == S(0) && !is_rational();
     } else {
       return false;
     }
+  }
+
+  /// Whether there is a denominator: one of k4, k5 and k6 is not 0.
+  [[nodiscard]] bool is_rational() const {
+    return to_double(k4_) != 0 || to_double(k5_) != 0 || to_double(k6_) != 0;
   }
 
   /// Radius of the field in normalised coordinates, the tangent of its angle; infinite where nothing folds.
@@ -69,21 +76,39 @@ class BrownConrady {
 
   template <Scalar T>
   [[nodiscard]] BrownConrady<T> cast() const {
-    return BrownConrady<T>(T(k1_), T(k2_), T(p1_), T(p2_), T(k3_));
+    return BrownConrady<T>(T(k1_), T(k2_), T(p1_), T(p2_), T(k3_), T(k4_), T(k5_), T(k6_));
   }
 
-  [[nodiscard]] Eigen::Matrix<S, 5, 1> coefficients() const {
-    return (Eigen::Matrix<S, 5, 1>() << k1_, k2_, p1_, p2_, k3_).finished();
+  /// In OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6.
+  [[nodiscard]] Eigen::Matrix<S, 8, 1> coefficients() const {
+    return (Eigen::Matrix<S, 8, 1>() << k1_, k2_, p1_, p2_, k3_, k4_, k5_, k6_).finished();
   }
 
  private:
-  [[nodiscard]] S radial(const S& r2) const { return S(1) + r2 * (k1_ + r2 * (k2_ + r2 * k3_)); }
+  [[nodiscard]] S numerator(const S& r2) const { return S(1) + r2 * (k1_ + r2 * (k2_ + r2 * k3_)); }
+  [[nodiscard]] S denominator(const S& r2) const { return S(1) + r2 * (k4_ + r2 * (k5_ + r2 * k6_)); }
+  [[nodiscard]] S radial(const S& r2) const { return numerator(r2) / denominator(r2); }
+
+  /// Smallest r^2 at which r f(r^2) turns back or the denominator is 0. With f = N / D and t = r^2 the slope
+  /// d r_d / d r is ((N + 2 t N') D - N 2 t D') / D^2.
+  [[nodiscard]] double field() const {
+    const std::array n{1.0, to_double(k1_), to_double(k2_), to_double(k3_)};
+    const std::array d{1.0, to_double(k4_), to_double(k5_), to_double(k6_)};
+    std::array<double, 7> slope{};
+    for (std::size_t i = 0; i < n.size(); ++i) {
+      for (std::size_t j = 0; j < d.size(); ++j)
+        slope[i + j] += (1.0 + 2.0 * static_cast<double>(i) - 2.0 * static_cast<double>(j)) * n[i] * d[j];
+    }
+    return std::min(detail::first_root(slope, kWidest * kWidest), detail::first_root(d, kWidest * kWidest));
+  }
 
   [[nodiscard]] Vector2 evaluate(const Vector2& n, Matrix2& J) const {
     const S x = n.x(), y = n.y();
     const S xx = x * x, yy = y * y, xy = x * y, r2 = xx + yy;
-    const S factor = radial(r2);
-    const S slope = S(2) * (k1_ + r2 * (S(2) * k2_ + r2 * S(3) * k3_));  // d factor / d r2, times 2
+    const S below = denominator(r2), factor = numerator(r2) / below;
+    const S rise = k1_ + r2 * (S(2) * k2_ + r2 * S(3) * k3_),
+            fall = k4_ + r2 * (S(2) * k5_ + r2 * S(3) * k6_);
+    const S slope = S(2) * (rise - factor * fall) / below;  // d factor / d r2, times 2
     const S cross = slope * xy + S(2) * p1_ * x + S(2) * p2_ * y;
     J << factor + slope * xx + S(2) * p1_ * y + S(6) * p2_ * x, cross, cross,
         factor + slope * yy + S(6) * p1_ * y + S(2) * p2_ * x;
@@ -117,13 +142,18 @@ class BrownConrady {
   }
 
   /// The point on the ray of `d` whose radial distortion alone leads to |d|, by bisection of the field;
-  /// nullopt where nothing folds (Newton's method has had its chance) or |d| is far beyond the field.
+  /// nullopt where |d| is far beyond the field.
   [[nodiscard]] std::optional<Vector2> on_radius(const Vector2& d) const {
     using std::sqrt;
     const S r_d = sqrt(d.squaredNorm());
-    if (!std::isfinite(valid_r2_) || !(S(0) < r_d)) return std::nullopt;
-    // Tangential terms may lead a little beyond the largest radial distortion: begin just inside.
-    S low = S(0), high = S(0.98) * sqrt(S(valid_r2_));
+    if (!(S(0) < r_d)) return std::nullopt;
+    S low = S(0), high = r_d;
+    if (std::isfinite(valid_r2_)) {
+      // Tangential terms may lead a little beyond the largest radial distortion: begin just inside.
+      high = S(0.98) * sqrt(S(valid_r2_));
+    } else {  // nothing folds: as far as it takes
+      while (high * radial(high * high) < r_d && high < S(kWidest)) high *= S(2);
+    }
     for (int i = 0; i < 12; ++i) {  // to 1 / 4096 of the field: Newton's method does the rest
       const S middle = S(0.5) * (low + high);
       (middle * radial(middle * middle) < r_d ? low : high) = middle;
@@ -131,7 +161,8 @@ class BrownConrady {
     return Vector2(d * (high / r_d));
   }
 
-  S k1_ = S(0), k2_ = S(0), p1_ = S(0), p2_ = S(0), k3_ = S(0);
+  static constexpr double kWidest = 100;  // tangent of 89.4 degrees: no lens is calibrated so far out
+  S k1_ = S(0), k2_ = S(0), p1_ = S(0), p2_ = S(0), k3_ = S(0), k4_ = S(0), k5_ = S(0), k6_ = S(0);
   double valid_r2_ = std::numeric_limits<double>::infinity();
 };
 

@@ -19,9 +19,9 @@ namespace dynslam {
 ///
 ///     theta_d = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8).
 ///
-/// Promised for angles below 90 degrees and below max_angle(), where the curve turns back: points with
-/// z <= 1e-6 m have no pixel, and pixels farther out no point, because a depth along the optical axis says
-/// nothing about them. What a lens sees at 90 degrees and beyond is left unused.
+/// Promised for angles below 90 degrees and below max_angle(), where the curve turns back or the caller lets
+/// the field end: points with z <= 1e-6 m have no pixel, and pixels farther out no point, because a depth
+/// along the optical axis says little about them. What a lens sees at 90 degrees and beyond is left unused.
 template <Scalar S>
 class KannalaBrandt {
  public:
@@ -30,16 +30,18 @@ class KannalaBrandt {
   using Vector3 = Eigen::Matrix<S, 3, 1>;
   using Vector4 = Eigen::Matrix<S, 4, 1>;
   using Jacobian = Eigen::Matrix<S, 2, 3>;
+  static constexpr double kRightAngle = 0.5 * std::numbers::pi;
 
   KannalaBrandt() : KannalaBrandt(S(1), S(1), S(0), S(0), Vector4(S(0), S(0), S(0), S(0))) {}
   /// @param fx, fy, cx, cy  pixels
   /// @param k               k1 ... k4, radians
-  KannalaBrandt(S fx, S fy, S cx, S cy, const Vector4& k) : fx_(fx), fy_(fy), cx_(cx), cy_(cy), k_(k) {
-    constexpr double kRightAngle = 0.5 * std::numbers::pi;
+  /// @param widest          angle at which the field ends at the latest, at most pi / 2 [rad]
+  KannalaBrandt(S fx, S fy, S cx, S cy, const Vector4& k, double widest = kRightAngle)
+      : fx_(fx), fy_(fy), cx_(cx), cy_(cy), k_(k) {
     const double t = detail::first_root(std::array{1.0, 3.0 * to_double(k(0)), 5.0 * to_double(k(1)),
                                                    7.0 * to_double(k(2)), 9.0 * to_double(k(3))},
                                         kRightAngle * kRightAngle);
-    max_angle_ = std::min(kRightAngle, std::sqrt(t));
+    max_angle_ = std::min({kRightAngle, widest, std::sqrt(t)});
   }
 
   [[nodiscard]] const S& fx() const { return fx_; }
@@ -87,7 +89,7 @@ class KannalaBrandt {
 
   template <Scalar T>
   [[nodiscard]] KannalaBrandt<T> cast() const {
-    return KannalaBrandt<T>(T(fx_), T(fy_), T(cx_), T(cy_), k_.template cast<T>());
+    return KannalaBrandt<T>(T(fx_), T(fy_), T(cx_), T(cy_), k_.template cast<T>(), max_angle_);
   }
 
  private:
