@@ -35,6 +35,7 @@ faults=$(find "${folders[@]}" -name '*.hpp' -o -name '*.cpp' |
   function read_statement(type, text,    parts, n, i, name) {
     text = trim(text)
     if (text == "" || text ~ /^(using|static|enum|friend|typedef|struct|template)[ <]/) return
+    if (text ~ /(^| )operator[^A-Za-z_0-9]/) return
     gsub(/<</, "", text)
     while (gsub(/<[^<>]*>/, "", text)) {}
     n = split(text, parts, ",")

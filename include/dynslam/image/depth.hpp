@@ -36,13 +36,37 @@ void depth_to_metres(const Raw& raw, S units_per_metre, Out&& out) {
   }
 }
 
-/// Standard deviation of structured-light depth: sigma(z) = base + quad * z^2 [m], from the constant
-/// disparity error of the sensor (Khoshelham and Elberink 2012).
+/// Standard deviation of depth, sigma(z) = base + linear z + quad z^2 [m]. What sensors have by the way they
+/// measure is made by structured_light(), stereo() and time_of_flight(); by default a Kinect's.
 template <std::floating_point S>
 struct DepthNoise {
-  S base = S(0.001);
-  S quad = S(0.0019);
-  [[nodiscard]] constexpr S sigma(S z) const { return base + quad * z * z; }
+  S base = S(0.001);   ///< [m]
+  S quad = S(0.0019);  ///< [1/m]
+  S linear = S(0);
+
+  /// base + quad z^2, from the constant disparity error of the sensor (Khoshelham and Elberink 2012).
+  [[nodiscard]] static constexpr DepthNoise structured_light(S base, S quad) { return {base, quad, S(0)}; }
+  /// base + z^2 disparity / (focal baseline): z = focal baseline / d, derived by the disparity d.
+  /// @param baseline   between the two imagers [m]
+  /// @param focal      of the depth images [px]
+  /// @param disparity  its standard deviation [px]
+  /// @param base       of what does not come from matching, the depth's step for one [m]
+  [[nodiscard]] static constexpr DepthNoise stereo(S baseline, S focal, S disparity, S base = S(0.001)) {
+    return {base, disparity / (focal * baseline), S(0)};
+  }
+  /// base + linear z: the received light, and with it the phase's certainty, fades with the distance.
+  [[nodiscard]] static constexpr DepthNoise time_of_flight(S base, S linear) { return {base, S(0), linear}; }
+
+  /// The same sensor with so many times the noise.
+  [[nodiscard]] constexpr DepthNoise times(S factor) const {
+    return {factor * base, factor * quad, factor * linear};
+  }
+  template <std::floating_point T>
+  [[nodiscard]] constexpr DepthNoise<T> cast() const {
+    return {static_cast<T>(base), static_cast<T>(quad), static_cast<T>(linear)};
+  }
+  [[nodiscard]] constexpr bool operator==(const DepthNoise&) const = default;
+  [[nodiscard]] constexpr S sigma(S z) const { return base + linear * z + quad * z * z; }
   /// Inverse variance [1/m^2].
   [[nodiscard]] constexpr S information(S z) const { return S(1) / (sigma(z) * sigma(z)); }
 };

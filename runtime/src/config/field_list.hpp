@@ -92,6 +92,7 @@ template <class S>
 void list(FieldList& f, DepthNoise<S>& o) {
   f("base", o.base, "m", "standard deviation of the depth at 0 m", kPositive);
   f("quad", o.quad, "1/m", "growth of the standard deviation with the square of the depth", kNotNegative);
+  f("linear", o.linear, "", "growth of the standard deviation with the depth", kNotNegative);
 }
 
 }  // namespace dynslam::runtime::config
