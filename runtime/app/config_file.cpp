@@ -11,15 +11,13 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
+#include "dynslam/runtime/io/text_lines.hpp"
 
 namespace dynslam::app {
 namespace {
 
-std::string_view trim(std::string_view text) {
-  const auto first = text.find_first_not_of(" \t\r");
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
-}
+using runtime::trim;
+using runtime::unquoted;
 
 /// Cuts a comment off; a # within quotes or within a word is none.
 std::string_view without_comment(std::string_view text) {
@@ -34,12 +32,6 @@ std::string_view without_comment(std::string_view text) {
     }
   }
   return text;
-}
-
-std::string_view unquote(std::string_view text) {
-  const bool quoted =
-      text.size() >= 2 && text.front() == text.back() && (text.front() == '"' || text.front() == '\'');
-  return quoted ? text.substr(1, text.size() - 2) : text;
 }
 
 }  // namespace
@@ -58,7 +50,7 @@ std::vector<CLI::ConfigItem> ConfigFile::from_config(std::istream& in) const {
   sections.take = [&](const std::string& section, std::string_view key, std::string_view value,
                       std::size_t line) -> std::string {
     if (!section.empty() && section != name) return {};
-    return take(command, std::string(unquote(key)), std::string(unquote(trim(without_comment(value)))),
+    return take(command, std::string(unquoted(key)), std::string(unquoted(trim(without_comment(value)))),
                 fmt::format("{}:{}: ", file, line), result);
   };
   runtime::RunOptions ignored;  // a file may serve several commands

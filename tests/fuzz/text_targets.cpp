@@ -131,7 +131,19 @@ void add_text_targets(std::vector<Target>& targets) {
       {"camera", camera, [] {
          return std::vector<std::string>{
              "name = room\nwidth = 640\nheight = 480\nfx = 517.3\nfy = 516.5\ncx = 318.6\ncy = 255.3\n"
-             "k1 = 0.26\nk2 = -0.95\np1 = -0.005\np2 = 0.003\nk3 = 1.16\ndepth_units_per_metre = 5000\n"};
+             "k1 = 0.26\nk2 = -0.95\np1 = -0.005\np2 = 0.003\nk3 = 1.16\ndepth_units_per_metre = 5000\n",
+             "width = 640\nheight = 480\nfx = 300\nfy = 300\ncx = 320\ncy = 240\nmodel = kannala_brandt\n"
+             "k1 = -0.02\nk4 = 0.001\ndepth_noise = stereo\nbaseline = 0.05\ndisparity_noise = 0.1\n",
+             "image_width: 640\nimage_height: 480\ncamera_name: head\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
+             "  data: [500., 0., 320., 0.,\n    505., 240., 0., 0., 1.]\n"
+             "distortion_model: rational_polynomial\ndistortion_coefficients:\n"
+             "  data: [.4, -2.5, 1e-3, 0, 1.4, .3, -2.3, 1.3]\nroi:\n  x_offset: 0\ninvalid_depth: 9\n",
+             "%YAML:1.0\n---\nheight: 480\nwidth: 640\nfisheye_model: 1\nd: # four\n- 0.1\n- 0.\n"
+             "K: !!opencv-matrix\n  dt: d\n  data: [ 5.0e+02, 0., 320., 0., 505., 240., 0., 0., 1. ]\n",
+             "<?xml version=\"1.0\"?>\n<opencv_storage>\n<!-- c -->\n<image_width>640</image_width>\n"
+             "<image_height>480</image_height>\n<camera_matrix type_id=\"opencv-matrix\"><rows>3</rows>\n"
+             "<data>500. 0. 320. 0. 505. 240. 0. 0. 1.</data></camera_matrix>\n<v><_>\"a\"</_></v>\n"
+             "</opencv_storage>\n"};
        }});
   targets.push_back({"pose_matrix", pose_matrix, [] {
                        return std::vector<std::string>{

@@ -96,8 +96,8 @@ TEST_CASE("a written trajectory reads back, and an unwritable one is told") {
 
 TEST_CASE("cameras: names, files, and what is wrong with them") {
   CHECK(load_camera("fr2").depth_units_per_metre == 5208);
-  CHECK(load_camera("fr1").model.distortion().coefficients()(1) == doctest::Approx(-0.953104));
-  CHECK(load_camera("fr3").model.distortion().is_identity());
+  CHECK(load_camera("fr1").model.brown_conrady()->coefficients()(1) == doctest::Approx(-0.953104));
+  CHECK(load_camera("fr3").model.is_ideal());
   CHECK_THROWS_AS((void)load_camera("fr4"), UsageError);
   CHECK_THROWS_AS((void)load_camera(""), UsageError);
   const auto check = [](const std::string& text) {

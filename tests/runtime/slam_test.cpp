@@ -78,6 +78,33 @@ std::string trajectory_of(Slam& slam, const Change& change = {}, int frames = kR
 
 }  // namespace
 
+TEST_CASE("the depth noise of a camera goes for pose, weights and map, unless the options say otherwise") {
+  constexpr int kFrames = 12;
+  const auto noise = DepthNoise<double>::stereo(0.05, 535, 0.3);
+  const auto run = [&](bool of_camera, const SlamOptions& options) {
+    CameraConfig camera = walk().camera;
+    if (of_camera) camera.depth_noise = noise;
+    Slam slam(camera, options);
+    const std::string poses = trajectory_of(slam, {}, kFrames);
+    std::ostringstream tree;
+    slam.octree()->write(tree);
+    return std::pair(poses, tree.str());
+  };
+  SlamOptions usual, same;
+  same.tracker.depth_noise = noise.times(4);
+  same.tracker.geometry.weights.depth_noise = noise;
+  same.mapper.scan.noise = noise.cast<float>();
+  const auto from_camera = run(true, usual), from_options = run(false, same), without = run(false, usual);
+  CHECK(from_camera == from_options);
+  CHECK(from_camera.first != without.first);
+  CHECK(from_camera.second != without.second);
+  SlamOptions own = usual;
+  own.tracker.depth_noise = {0.003, 0.009};
+  SlamOptions own_same = same;
+  own_same.tracker.depth_noise = own.tracker.depth_noise;
+  CHECK(run(true, own) == run(false, own_same));
+}
+
 TEST_CASE("frames in memory give what a run over their files gives, map and masks included") {
   const test::TemporaryFolder out;
   const RunSummary run =

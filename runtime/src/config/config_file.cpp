@@ -14,12 +14,6 @@
 namespace dynslam::runtime {
 namespace {
 
-std::string_view trim(std::string_view text) {
-  const auto first = text.find_first_not_of(" \t\r");
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
-}
-
 /// ", did you mean NAME?", or nothing.
 std::string hint(const std::string& name) {
   return name.empty() ? name : ", did you mean " + name + "?";

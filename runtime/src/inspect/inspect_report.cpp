@@ -12,13 +12,18 @@ std::string size_text(cv::Size size) {
   return size.empty() ? "unknown" : fmt::format("{}x{}", size.width, size.height);
 }
 
+std::string_view lens_text(const AnyCamera<double>& model) {
+  if (model.is_ideal()) return "no distortion";
+  if (model.kannala_brandt() != nullptr) return "Kannala-Brandt fisheye";
+  return model.brown_conrady()->is_rational() ? "rational distortion" : "Brown-Conrady distortion";
+}
+
 std::string camera_text(const CameraConfig& c, const std::string& source) {
   const auto& k = c.model.pinhole();
   return fmt::format(
       "{} ({}): {}x{}, fx {:.2f} fy {:.2f} cx {:.2f} cy {:.2f}, {}, {} depth units per metre{}", c.name,
-      source, c.width, c.height, k.fx(), k.fy(), k.cx(), k.cy(),
-      c.model.distortion().is_identity() ? "no distortion" : "Brown-Conrady distortion",
-      c.depth_units_per_metre, c.invalid_depth > 0 ? fmt::format(", {} means none", c.invalid_depth) : "");
+      source, c.width, c.height, k.fx(), k.fy(), k.cx(), k.cy(), lens_text(c.model), c.depth_units_per_metre,
+      c.invalid_depth > 0 ? fmt::format(", {} means none", c.invalid_depth) : "");
 }
 
 std::string truth_text(const SequenceReport& r) {

@@ -3,17 +3,16 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <filesystem>
-#include <map>
+#include <iterator>
 #include <sstream>
 #include <string_view>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
+#include "io/camera_facts.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -29,85 +28,36 @@ CameraConfig make(std::string name, const std::array<double, 4>& k, const std::a
   return camera;
 }
 
-std::string_view trim(std::string_view text) {
-  const auto first = text.find_first_not_of(" \t\r\"");
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(" \t\r\"") - first + 1);
+/// Whether a text is YAML or XML: its first line with content names a key before a colon, not before an =.
+bool is_calibration(const std::string& text) {
+  std::istringstream in(text);
+  LineReader reader(in);
+  if (!reader.next()) return false;
+  const std::string_view line = trim(reader.line());
+  if (line.starts_with('<') || line.starts_with('%') || line.starts_with("---")) return true;
+  const auto colon = line.find(':');
+  return colon != std::string_view::npos && colon < line.find('=');
 }
 
 }  // namespace
 
 CameraConfig parse_camera(std::istream& in, const std::string& file) {
-  std::map<std::string, double, std::less<>> value{{"k1", 0},
-                                                   {"k2", 0},
-                                                   {"p1", 0},
-                                                   {"p2", 0},
-                                                   {"k3", 0},
-                                                   {"depth_units_per_metre", 5000},
-                                                   {"invalid_depth", 0},
-                                                   {"depth_time_offset", 0}};
-  std::string name = std::filesystem::path(file).stem().string();
-  constexpr std::array<std::string_view, 14> keys{"width",
-                                                  "height",
-                                                  "fx",
-                                                  "fy",
-                                                  "cx",
-                                                  "cy",
-                                                  "k1",
-                                                  "k2",
-                                                  "p1",
-                                                  "p2",
-                                                  "k3",
-                                                  "depth_units_per_metre",
-                                                  "invalid_depth",
-                                                  "depth_time_offset"};
-  LineReader reader(in);
-  while (reader.next()) {
-    const std::string_view whole = reader.line(), line = whole.substr(0, whole.find('#'));
-    const auto equals = line.find('=');
-    if (equals == std::string_view::npos) throw InputError(file, reader.number(), "expected 'key = value'");
-    const std::string_view key = trim(line.substr(0, equals)), text = trim(line.substr(equals + 1));
-    if (key == "name") {
-      name = text;
-      continue;
-    }
-    if (std::find(keys.begin(), keys.end(), key) == keys.end()) {
-      throw InputError(file, reader.number(), fmt::format("unknown key '{}'", key));
-    }
-    const auto number = parse_number(text);
-    if (!number) throw InputError(file, reader.number(), fmt::format("'{}' is not a finite number", text));
-    value[std::string(key)] = *number;
-  }
+  const std::string text(std::istreambuf_iterator<char>(in), {});
   if (in.bad()) throw InputError(file, 0, "cannot be read");
-  for (const auto key : keys) {
-    if (!value.contains(key)) throw InputError(file, 0, fmt::format("'{}' is missing", key));
+  return camera_of_facts(is_calibration(text) ? parse_calibration(text, file) : parse_own_camera(text, file),
+                         file);
+}
+
+std::filesystem::path camera_file_in(const std::filesystem::path& folder) {
+  std::filesystem::path found;
+  for (const char* name : {"camera.txt", "camera.yaml", "camera.yml", "camera.xml"}) {
+    if (!std::filesystem::exists(folder / name)) continue;
+    if (!found.empty())
+      throw InputError(folder.string(), 0,
+                       fmt::format("has {} and {}: keep one of them", found.filename().string(), name));
+    found = folder / name;
   }
-  const double width = value["width"], height = value["height"];
-  for (const double size : {width, height}) {
-    if (!(size >= 64 && size <= 8192) || size != static_cast<int>(size))
-      throw InputError(file, 0, "width and height must be whole numbers from 64 to 8192");
-  }
-  if (!(value["fx"] > 0 && value["fy"] > 0)) throw InputError(file, 0, "fx and fy must be positive");
-  // Beyond, pixels at the rim are metres wide: a map of them fills the memory.
-  constexpr double kWidest = 20;  // tangent of 87 degrees
-  const double across = std::max(std::abs(value["cx"]), std::abs(width - value["cx"])) / value["fx"];
-  const double down = std::max(std::abs(value["cy"]), std::abs(height - value["cy"])) / value["fy"];
-  if (!(std::max(across, down) <= kWidest))
-    throw InputError(file, 0, "fx, fy, cx and cy let a pixel look more than 87 degrees aside");
-  if (!(value["depth_units_per_metre"] > 0))
-    throw InputError(file, 0, "depth_units_per_metre must be positive");
-  const double invalid = value["invalid_depth"];
-  if (!(invalid >= 0 && invalid <= 65535) || invalid != static_cast<int>(invalid))
-    throw InputError(file, 0, "invalid_depth must be a whole number from 0 to 65535");
-  const double late = value["depth_time_offset"];
-  if (!(std::abs(late) <= 1)) throw InputError(file, 0, "depth_time_offset must be from -1 to 1 s");
-  CameraConfig camera = make(name, {value["fx"], value["fy"], value["cx"], value["cy"]},
-                             {value["k1"], value["k2"], value["p1"], value["p2"], value["k3"]},
-                             value["depth_units_per_metre"], late);
-  camera.width = static_cast<int>(width);
-  camera.height = static_cast<int>(height);
-  camera.invalid_depth = static_cast<int>(invalid);
-  return camera;
+  return found;
 }
 
 CameraConfig load_camera(const std::string& name_or_file) {

@@ -90,7 +90,7 @@ Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
   Sequence sequence = format.load(root, options);
   sequence.format = std::string(format.name);
   if (sequence.groundtruth.empty()) sequence.truth_file.clear();
-  if (fs::exists(root / "camera.txt")) sequence.camera_hint = (root / "camera.txt").string();
+  if (const fs::path file = camera_file_in(root); !file.empty()) sequence.camera_hint = file.string();
   if (options.max_frames > 0 && sequence.frames.size() > options.max_frames)
     sequence.frames.resize(options.max_frames);
   return sequence;

@@ -32,7 +32,7 @@ const SemanticMapperOptions& checked(const SemanticMapperOptions& options, int w
 
 }  // namespace
 
-SemanticMapper::SemanticMapper(const PinholeBrownConrady<double>& camera, int width, int height,
+SemanticMapper::SemanticMapper(const AnyCamera<double>& camera, int width, int height,
                                const SemanticMapperOptions& options)
     : options_(checked(options, width, height)),
       size_(width, height),

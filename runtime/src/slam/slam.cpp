@@ -27,12 +27,29 @@ SemanticMapperOptions mapper_options(const SlamOptions& options) {
   return result;
 }
 
+/// What the camera says of its depth goes before the options' defaults, and what was set before both.
+SlamOptions with_noise_of(const CameraConfig& camera, SlamOptions options) {
+  if (!camera.depth_noise) return options;
+  // Poses and points reckon with more than the sensor's noise: the colour image was taken at another time.
+  // The factor is the one between the two defaults.
+  constexpr double kTiming = 4;
+  auto& tracking = options.tracker.depth_noise;
+  auto& weights = options.tracker.geometry.weights.depth_noise;
+  auto& map = options.mapper.scan.noise;
+  if (tracking == TrackerOptions().depth_noise) tracking = camera.depth_noise->times(kTiming);
+  if (weights == DepthNoise<double>()) weights = *camera.depth_noise;
+  if (map == DepthNoise<float>()) map = camera.depth_noise->cast<float>();
+  return options;
+}
+
 }  // namespace
 
 struct Slam::State {
   State(const CameraConfig& c, const SlamOptions& o)
-      : camera(c), options(o), tracker(std::make_unique<Tracker>(c, tracker_options(o))) {
-    if (o.map) octree = std::make_unique<RunMap>(c, mapper_options(o));
+      : camera(c),
+        options(with_noise_of(c, o)),
+        tracker(std::make_unique<Tracker>(c, tracker_options(options))) {
+    if (o.map) octree = std::make_unique<RunMap>(c, mapper_options(options));
   }
 
   struct FramePose {  // of a tracked frame, relative to its keyframe

@@ -42,13 +42,12 @@ bool has_lists(const fs::path& root) {
 }
 
 /// Images are paired by when they were taken, which the camera says: the one that the options name, or the
-/// folder's camera.txt, or the one known by the folder's name.
+/// folder's camera file, or the one known by the folder's name.
 double depth_time_offset(const Sequence& sequence, const SequenceOptions& options) {
   if (!sequence.has_stamps) return 0;  // numbers of frames are no times
   if (options.depth_time_offset != 0) return options.depth_time_offset;
   std::string camera = options.camera;
-  if (const fs::path file = sequence.root / "camera.txt"; camera.empty() && fs::exists(file))
-    camera = file.string();
+  if (camera.empty()) camera = camera_file_in(sequence.root).string();
   if (camera.empty()) camera = sequence.camera_hint;
   return camera.empty() ? 0.0 : load_camera(camera).depth_time_offset;
 }

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <filesystem>
 #include <istream>
+#include <optional>
 #include <string>
 
-#include "dynslam/geometry/brown_conrady.hpp"
+#include "dynslam/geometry/any_camera.hpp"
+#include "dynslam/image/depth.hpp"
 
 namespace dynslam::runtime {
 
@@ -12,20 +15,26 @@ namespace dynslam::runtime {
 struct CameraConfig {
   std::string name;
   int width = 640, height = 480;  ///< pixels
-  PinholeBrownConrady<double> model;
+  AnyCamera<double> model;
   double depth_units_per_metre = 5000;  ///< of the 16-bit depth images
   int invalid_depth = 0;                ///< value of the depth images that means "none", as 0 does always
   /// Stamp of a depth image less the time at which it was taken [s]: how late the driver stamps it, beyond
   /// what it does with colour.
   double depth_time_offset = 0;
+  /// Of its depth; empty: nobody knows, and the options' are used as they are. See docs/cameras.md.
+  std::optional<DepthNoise<double>> depth_noise{};
 };
 
-/// A camera by name (fr1, fr2, fr3: TUM RGB-D; bonn: Bonn RGB-D Dynamic) or from a file of `key = value`
-/// lines with the keys name, width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3, depth_units_per_metre,
-/// invalid_depth, depth_time_offset (distortion 0, 5000 units, no invalid value but 0, no offset where
-/// absent).
+/// A camera by name (fr1, fr2, fr3: TUM RGB-D; bonn: Bonn RGB-D Dynamic) or from a file: `key = value` lines,
+/// ROS' camera_info in YAML, or OpenCV's FileStorage in YAML or XML, told apart by what they hold. The keys
+/// are those of docs/cameras.md; a file that does not say how many units a metre of depth has gets 5000
+/// where it has `key = value` lines and 1000 otherwise.
 /// @throws UsageError for a name that is neither, InputError (file, line) for a bad file
 [[nodiscard]] CameraConfig load_camera(const std::string& name_or_file);
 [[nodiscard]] CameraConfig parse_camera(std::istream& in, const std::string& file);
+
+/// The camera file of a sequence's folder: camera.txt, camera.yaml, camera.yml or camera.xml; empty: none.
+/// @throws InputError where there are several
+[[nodiscard]] std::filesystem::path camera_file_in(const std::filesystem::path& folder);
 
 }  // namespace dynslam::runtime

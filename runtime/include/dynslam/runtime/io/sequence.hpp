@@ -28,7 +28,7 @@ struct Sequence {
   std::filesystem::path root;
   std::string format{};                            ///< tum, 7-scenes, ...: one of sequence_formats()
   std::vector<FrameRecord> frames{};               ///< by colour time
-  std::string camera_hint{};                       ///< fr1, fr2, fr3, the sequence's camera.txt, or empty
+  std::string camera_hint{};                       ///< fr1, fr2, fr3, the sequence's camera file, or empty
   std::vector<StampedPose<double>> groundtruth{};  ///< empty where there is none
   std::optional<CameraConfig> camera{};            ///< that the format brings; camera_hint goes before it
   std::string camera_source{};                     ///< where `camera` is from, for people
@@ -56,8 +56,8 @@ struct SequenceFormat {
 /// The formats that a folder looks like; more than one where it holds the files of several.
 [[nodiscard]] std::vector<std::string> formats_of(const std::filesystem::path& root);
 
-/// Reads a sequence's lists, camera and ground truth; images are not decoded. A camera.txt in the folder
-/// goes before the camera of the format.
+/// Reads a sequence's lists, camera and ground truth; images are not decoded. A camera file in the folder
+/// (camera_file_in()) goes before the camera of the format.
 /// @throws InputError  a folder of no known format, or of several; files that are missing or malformed
 /// @throws UsageError  an unknown name of a format
 [[nodiscard]] Sequence load_sequence(const std::filesystem::path& root, const SequenceOptions& options = {});

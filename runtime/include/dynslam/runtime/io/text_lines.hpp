@@ -10,6 +10,12 @@
 
 namespace dynslam::runtime {
 
+/// A text without the blanks, tabs and carriage returns around it.
+[[nodiscard]] std::string_view trim(std::string_view text);
+
+/// A text without the quotes around it, single or double, where it has both.
+[[nodiscard]] std::string_view unquoted(std::string_view text);
+
 /// The words of a line; commas and tabs separate as blanks do (as in TUM's tools).
 [[nodiscard]] std::vector<std::string_view> split_words(std::string_view line);
 

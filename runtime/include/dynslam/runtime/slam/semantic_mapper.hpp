@@ -10,7 +10,7 @@
 #include <variant>
 #include <vector>
 
-#include "dynslam/geometry/brown_conrady.hpp"
+#include "dynslam/geometry/any_camera.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/interop/octomap_semantic_tree.hpp"
 #include "dynslam/runtime/slam/map_scan.hpp"
@@ -67,7 +67,7 @@ struct MapKeyframe {
 /// the rebuilding over. So the caller waits for the fusion of one scan at most, not for that of a map.
 class SemanticMapper {
  public:
-  SemanticMapper(const PinholeBrownConrady<double>& camera, int width, int height,
+  SemanticMapper(const AnyCamera<double>& camera, int width, int height,
                  const SemanticMapperOptions& options);
 
   /// Queues a keyframe; the images are shared, not copied, and must not be changed afterwards.
