@@ -139,19 +139,49 @@ void judge_stamps(SequenceReport& report) {
                   s.gaps.size(), s.gaps.size() > 1 ? "s" : "", missing, longest->length, longest->t));
 }
 
+/// Largest distance between where two cameras of one size see a point, over rays to their pixels [px].
+double largest_difference(const CameraConfig& a, const CameraConfig& b) {
+  constexpr int kSteps = 16;
+  double most = 0;
+  for (int j = 0; j <= kSteps; ++j) {
+    for (int i = 0; i <= kSteps; ++i) {
+      const Eigen::Vector2d x((a.width - 1.0) * i / kSteps, (a.height - 1.0) * j / kSteps);
+      const auto p = a.model.unproject(x, 1.0);
+      const auto y = p ? b.model.project(*p) : std::nullopt;
+      if (y) most = std::max(most, (*y - x).norm());
+    }
+  }
+  return most;
+}
+
+/// Against the camera that the folder's name speaks of.
+void judge_name(const CameraConfig& camera, const std::string& named, SequenceReport& report) {
+  constexpr double kSame = 0.01;  // of focal lengths, units and the width
+  const CameraConfig expected = load_camera(named);
+  const auto &k = camera.model.pinhole(), &e = expected.model.pinhole();
+  const double apart = largest_difference(camera, expected);
+  if (std::abs(k.fx() / e.fx() - 1) > kSame || std::abs(k.fy() / e.fy() - 1) > kSame) {
+    report.odd.push_back(
+        fmt::format("the folder's name speaks of {} (fx {:.1f}, fy {:.1f}), the camera {} has "
+                    "fx {:.1f}, fy {:.1f}",
+                    named, e.fx(), e.fy(), camera.name, k.fx(), k.fy()));
+  } else if (apart > kSame * camera.width) {
+    report.odd.push_back(fmt::format(
+        "the folder's name speaks of {}, whose centre or lens puts pixels up to {:.0f} px beside those of "
+        "the camera {}",
+        named, apart, camera.name));
+  }
+  if (std::abs(camera.depth_units_per_metre / expected.depth_units_per_metre - 1) > kSame)
+    report.odd.push_back(
+        fmt::format("the folder's name speaks of {} ({} depth units per metre), the camera {} has {}", named,
+                    expected.depth_units_per_metre, camera.name, camera.depth_units_per_metre));
+}
+
 void judge_camera(const CameraConfig& camera, SequenceReport& report) {
   const auto& k = camera.model.pinhole();
   const std::string& named = report.sequence.folder_camera;
-  constexpr double kSameFocal = 0.01, kAside = 0.15, kSquare = 0.1;
-  if (!named.empty()) {
-    const CameraConfig expected = load_camera(named);
-    const auto& e = expected.model.pinhole();
-    if (std::abs(k.fx() / e.fx() - 1) > kSameFocal || std::abs(k.fy() / e.fy() - 1) > kSameFocal)
-      report.odd.push_back(
-          fmt::format("the folder's name speaks of {} (fx {:.1f}, fy {:.1f}), the camera {} has "
-                      "fx {:.1f}, fy {:.1f}",
-                      named, e.fx(), e.fy(), camera.name, k.fx(), k.fy()));
-  }
+  constexpr double kAside = 0.15, kSquare = 0.1;
+  if (!named.empty()) judge_name(camera, named, report);
   if (std::abs(k.cx() / camera.width - 0.5) > kAside || std::abs(k.cy() / camera.height - 0.5) > kAside)
     report.odd.push_back(fmt::format("the camera's centre ({:.1f}, {:.1f}) is far from the middle of {}x{}",
                                      k.cx(), k.cy(), camera.width, camera.height));
@@ -185,8 +215,7 @@ CameraConfig any_camera(cv::Size size) {
   CameraConfig camera;
   camera.width = size.width;
   camera.height = size.height;
-  camera.model = PinholeBrownConrady<double>(
-      Pinhole<double>(size.width, size.width, size.width / 2.0, size.height / 2.0), BrownConrady<double>());
+  camera.model = Pinhole<double>(size.width, size.width, size.width / 2.0, size.height / 2.0);
   return camera;
 }
 

@@ -159,6 +159,31 @@ TEST_CASE("each planted fault is found, and nothing else") {
         << "name = mine\nwidth = 640\nheight = 480\nfx = 600\nfy = 600\ncx = 320\ncy = 240\n";
     CHECK(mentions(all_of(found()), "the folder's name speaks of fr3 (fx 535.4, fy 539.2), the camera mine"));
   }
+  SUBCASE("a camera with another lens or unit than the folder's name says") {
+    std::ofstream(fixture.root / "camera.txt")
+        << "name = mine\nwidth = 640\nheight = 480\nfx = 535.4\nfy = 539.2\ncx = 320.1\ncy = 247.6\n"
+           "k1 = 0.1\ndepth_units_per_metre = 1000\n";
+    const std::string odd = all_of(found());
+    CHECK(mentions(odd, "the folder's name speaks of fr3, whose centre or lens puts pixels up to "));
+    CHECK(mentions(odd, " px beside those of the camera mine"));
+    CHECK(mentions(odd,
+                   "the folder's name speaks of fr3 (5000 depth units per metre), the camera mine has 1000"));
+  }
+  SUBCASE("a camera of another size than the images") {
+    std::ofstream(fixture.root / "camera.txt")
+        << "width = 320\nheight = 240\nfx = 267.7\nfy = 269.6\ncx = 160\ncy = 124\n";
+    const std::string odd = all_of(found());
+    CHECK(mentions(odd, "14 of 14 colour images are not 320x240 as the camera's, the first"));
+    CHECK(mentions(odd, "14 of 14 depth images are not 320x240 as the camera's, the first"));
+    CHECK(mentions(odd, "(640x480)"));
+  }
+  SUBCASE("a camera whose centre is aside and whose pixels are not square") {
+    std::ofstream(fixture.root / "camera.txt")
+        << "width = 640\nheight = 480\nfx = 535.4\nfy = 480\ncx = 200\ncy = 247.6\n";
+    const std::string odd = all_of(found());
+    CHECK(mentions(odd, "the camera's centre (200.0, 247.6) is far from the middle of 640x480"));
+    CHECK(mentions(odd, "the camera's fx 535.4 and fy 480.0 differ by 12 %"));
+  }
   SUBCASE("a value that means no depth") {
     change_depth(fixture, [](std::size_t, const cv::Mat& depth) {
       cv::Mat marked = depth.clone();
