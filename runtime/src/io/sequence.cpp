@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <array>
+#include <sstream>
 #include <system_error>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
 #include "io/formats/format.hpp"
 
 namespace dynslam::runtime {
@@ -99,7 +101,13 @@ Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
 CameraConfig camera_of(const Sequence& sequence, const std::string& name_or_file) {
   const std::string& named = name_or_file.empty() ? sequence.camera_hint : name_or_file;
   if (named.empty() && sequence.camera) return *sequence.camera;
-  CameraConfig camera = load_camera(named);
+  CameraConfig camera;
+  if (formats::is_eth3d_camera(named)) {
+    std::istringstream in(read_file(named));
+    camera = formats::parse_eth3d_camera(in, formats::first_size(sequence.frames, false), named);
+  } else {
+    camera = load_camera(named);
+  }
   if (camera.invalid_depth == 0 && sequence.camera) camera.invalid_depth = sequence.camera->invalid_depth;
   return camera;
 }

@@ -271,6 +271,23 @@ TEST_CASE("a folder's camera file may be YAML or XML; of two, none is taken") {
       mentions(error_of([&] { (void)load_sequence(tum.path); }), "has camera.txt and camera.yaml: keep one"));
 }
 
+TEST_CASE("ETH3D's four numbers are a camera with the size of the sequence's images") {
+  const test::TumFixture tum(3);
+  const test::TemporaryFolder folder;
+  const std::string file = (folder.path / "calibration.txt").string();
+  test::write_file(file, "# fx fy cx cy\n60.5 61 32 31.5\n");
+  SequenceOptions options;
+  options.camera = file;
+  const CameraConfig camera = camera_of(load_sequence(tum.path, options), file);
+  CHECK(camera.width == 64);
+  CHECK(camera.height == 64);
+  CHECK(camera.model.pinhole() == Pinhole<double>(60.5, 61, 32, 31.5));
+  CHECK(camera.depth_units_per_metre == 5000);
+  test::write_file(file, "60.5 61 32 31.5\n60 61 32 32\n");
+  CHECK(mentions(error_of([&] { (void)camera_of(load_sequence(tum.path, options), file); }),
+                 "calibration.txt:2: expected the end after fx fy cx cy"));
+}
+
 TEST_CASE("each preset loads, says where it is from, and is the camera that it names") {
   // The one path into the source tree that all tests of the runtime know.
   const std::filesystem::path presets =

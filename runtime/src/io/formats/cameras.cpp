@@ -4,10 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <system_error>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
 #include "io/formats/format.hpp"
 
@@ -93,6 +96,20 @@ CameraConfig parse_eth3d_camera(std::istream& in, cv::Size size, const std::stri
   constexpr double kUnits = 5000;
   return pinhole_camera("eth3d", {double(size.width), double(size.height), k[0], k[1], k[2], k[3], kUnits},
                         file);
+}
+
+bool is_eth3d_camera(const std::string& name_or_file) {
+  constexpr std::uintmax_t kLongest = 4096;
+  std::error_code error;
+  const auto size = std::filesystem::file_size(name_or_file, error);
+  if (error || size > kLongest || !std::filesystem::is_regular_file(name_or_file, error)) return false;
+  std::istringstream in(read_file(name_or_file, kLongest));
+  LineReader reader(in);
+  if (!reader.next()) return false;
+  const auto words = split_words(reader.line());
+  return words.size() == 4 && std::all_of(words.begin(), words.end(), [](std::string_view word) {
+           return parse_number(word).has_value();
+         });
 }
 
 }  // namespace dynslam::runtime::formats

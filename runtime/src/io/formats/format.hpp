@@ -88,6 +88,10 @@ struct PinholeNumbers {
 /// ETH3D's "fx fy cx cy"; the size is that of the images. @throws InputError (line)
 [[nodiscard]] CameraConfig parse_eth3d_camera(std::istream& in, cv::Size size, const std::string& file);
 
+/// Whether a file holds ETH3D's four numbers: a camera only with the size of a sequence's images. False for
+/// what is no file.
+[[nodiscard]] bool is_eth3d_camera(const std::string& name_or_file);
+
 /// Size of the first image of these that can be read. @throws InputError of the last one where none can
 [[nodiscard]] cv::Size first_size(const std::vector<FrameRecord>& frames, bool depth);
 

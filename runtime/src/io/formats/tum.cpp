@@ -49,7 +49,8 @@ double depth_time_offset(const Sequence& sequence, const SequenceOptions& option
   std::string camera = options.camera;
   if (camera.empty()) camera = camera_file_in(sequence.root).string();
   if (camera.empty()) camera = sequence.camera_hint;
-  return camera.empty() ? 0.0 : load_camera(camera).depth_time_offset;
+  if (camera.empty() || is_eth3d_camera(camera)) return 0;
+  return load_camera(camera).depth_time_offset;
 }
 
 void read_truth(Sequence& sequence) {
