@@ -4,8 +4,8 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <cstddef>
 #include <filesystem>
-#include <iterator>
 #include <sstream>
 #include <string_view>
 
@@ -42,7 +42,9 @@ bool is_calibration(const std::string& text) {
 }  // namespace
 
 CameraConfig parse_camera(std::istream& in, const std::string& file) {
-  const std::string text(std::istreambuf_iterator<char>(in), {});
+  std::string text;
+  for (std::array<char, 4096> part{}; in.read(part.data(), part.size()) || in.gcount() > 0;)
+    text.append(part.data(), static_cast<std::size_t>(in.gcount()));
   if (in.bad()) throw InputError(file, 0, "cannot be read");
   return camera_of_facts(is_calibration(text) ? parse_calibration(text, file) : parse_own_camera(text, file),
                          file);
