@@ -14,8 +14,8 @@ export CCACHE_DEPEND=${CCACHE_DEPEND:-1}
 step() { printf '\n=== %s (%d s so far)\n' "$*" "$SECONDS"; }
 
 # One preset: configure, build, test; tests that compute little are optimised as $2 says. Keeps the last lines of ctest
-# for the summary. Sources are compiled several as
-# one (CMAKE_UNITY_BUILD), which takes less than half the time of compiling them one by one.
+# for the summary. Sources are compiled several as one (CMAKE_UNITY_BUILD), which takes less than half the time of
+# compiling them one by one.
 check() {
   local preset=$1 tests=$2
   step "$preset: configure"
