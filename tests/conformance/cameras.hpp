@@ -59,3 +59,8 @@ template <class Camera>
   dynslam::Pinhole<float>, dynslam::Pinhole<double>, dynslam::PinholeBrownConrady<float>,                  \
       dynslam::PinholeBrownConrady<double>, dynslam::KannalaBrandt<float>, dynslam::KannalaBrandt<double>, \
       dynslam::test::EquidistantCamera<float>, dynslam::test::EquidistantCamera<double>
+
+/// Every camera and both scalars, where all pairs would double what is compiled: other tests have them.
+#define DYNSLAM_CONFORMANCE_EACH_CAMERA                                                    \
+  dynslam::Pinhole<float>, dynslam::Pinhole<double>, dynslam::PinholeBrownConrady<double>, \
+      dynslam::KannalaBrandt<float>, dynslam::test::EquidistantCamera<double>

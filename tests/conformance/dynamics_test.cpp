@@ -16,7 +16,7 @@ TEST_CASE_TEMPLATE("what moves is found in every kind of image alike", Kind, tes
 }
 
 TEST_CASE_TEMPLATE("what moves is found through every camera, in float and double", Camera,
-                   DYNSLAM_CONFORMANCE_CAMERAS) {
+                   DYNSLAM_CONFORMANCE_EACH_CAMERA) {
   double share = 0;
   (void)test::segmenter_results<test::OwnedKind, Camera>(Method::full, share);
   CHECK(share > 0.4);

@@ -39,7 +39,7 @@ class Enlarged {
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("a loop closes with every camera", Camera, DYNSLAM_CONFORMANCE_CAMERAS) {
+TEST_CASE_TEMPLATE("a loop closes with every camera", Camera, DYNSLAM_CONFORMANCE_EACH_CAMERA) {
   using S = typename Camera::ScalarType;
   using Large = Enlarged<Camera>;
   test::RoundRoom<Large> room{Large()};
