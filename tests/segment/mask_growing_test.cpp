@@ -45,11 +45,17 @@ struct Cells {
 TEST_CASE("a mask completes the object, within reach of fresh evidence, and passes its age on") {
   Cells cells;
   cells.plant(36, 26, 4, 0);
-  CHECK(cells.grow().seeds == 16);
+  MaskGrowingOptions parts;
+  parts.whole = 2;
+  CHECK(cells.grow(parts).seeds == 16);
   CHECK(cells.count() == 16 * 18);  // eight cells from the seeds on: two rows at the end are out of reach
   CHECK(cells.mask(30, 20) == 255);
   CHECK(cells.mask(29, 20) == 0);
   CHECK(cells.age(30, 20) == 0);
+  Cells whole;
+  whole.plant(36, 26, 4, 0);
+  whole.grow();
+  CHECK(whole.count() == 16 * 20);  // nearly all of it was found, so all of it moves
 
   Cells old;
   old.plant(36, 26, 4, 7);  // no fresh evidence: the seeds alone

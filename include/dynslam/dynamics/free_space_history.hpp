@@ -205,7 +205,8 @@ class FreeSpaceHistory {
           if (surface_.data()[c] != 0 && lag > 1 && passes(view, q, z[b])) ++violations_[c];
           break;
         case DepthEvidence::consistent:
-          if (state[q] == kCellMoved && lag <= follow_lag) {
+          // What lies behind a mover's rim is not the mover, though the rim's cell had both depths.
+          if (state[q] == kCellMoved && lag <= follow_lag && z[b] <= nearest[q] + rim(z[b])) {
             age[c] = static_cast<std::uint8_t>(
                 std::min<std::size_t>({age[c], view_age[q] + lag, FreeSpaceVerdicts::kNever - 1U}));
           }
@@ -216,6 +217,11 @@ class FreeSpaceHistory {
           break;
       }
     }
+  }
+
+  /// By how much one surface may be farther than the nearest in a cell.
+  [[nodiscard]] float rim(float z) const {
+    return options_.margins.violation_base + options_.margins.violation_quad * z * z;
   }
 
   /// Whether the space at depth z was free, wherever the view was within its doubt.
