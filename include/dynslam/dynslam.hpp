@@ -89,6 +89,7 @@
 #include "dynslam/segment/connectivity.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
 #include "dynslam/segment/mask.hpp"
+#include "dynslam/segment/mask_completion.hpp"
 #include "dynslam/segment/mask_growing.hpp"
 #include "dynslam/segment/mask_upsampling.hpp"
 #include "dynslam/segment/region_growing.hpp"

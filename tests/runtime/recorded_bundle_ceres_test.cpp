@@ -17,7 +17,7 @@ TEST_CASE("on the windows of a sequence, bundle adjustment ends at Ceres' cost")
 #ifndef DYNSLAM_HAVE_CERES
   MESSAGE("SKIPPED: built without Ceres");
 #else
-  constexpr std::size_t kFrames = 150, kWindowsWanted = 5;
+  constexpr std::size_t kFrames = 199, kWindowsWanted = 5;
   test::TemporaryFolder rendered;
   std::filesystem::path folder = rendered.path;
   if (const auto recorded = test::recorded_sequence("rgbd_dataset_freiburg1_xyz_first200")) {
