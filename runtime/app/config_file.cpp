@@ -18,21 +18,7 @@ namespace {
 
 using runtime::trim;
 using runtime::unquoted;
-
-/// Cuts a comment off; a # within quotes or within a word is none.
-std::string_view without_comment(std::string_view text) {
-  char quote = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (quote != 0) {
-      if (text[i] == quote) quote = 0;
-    } else if (text[i] == '"' || text[i] == '\'') {
-      quote = text[i];
-    } else if (text[i] == '#' && (i == 0 || text[i - 1] == ' ' || text[i - 1] == '\t')) {
-      return text.substr(0, i);
-    }
-  }
-  return text;
-}
+using runtime::without_comment;
 
 }  // namespace
 

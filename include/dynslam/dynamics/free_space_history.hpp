@@ -168,10 +168,9 @@ class FreeSpaceHistory {
     surface_ = smooth;
     if (shift_ == 0) return;
     beside_.compute(depth.view(), 1, shift_);
-    const FreeSpaceMargins<float>& m = options_.margins;
     for (std::size_t c = 0; c < violations_.size(); ++c) {
       const float z = depth.data()[c], farthest = beside_.farthest.data()[c];
-      if (farthest - z > m.violation_base + m.violation_quad * z * z) surface_.data()[c] = 0;
+      if (farthest - z > rim(z)) surface_.data()[c] = 0;
     }
   }
 

@@ -15,21 +15,6 @@ namespace {
 
 constexpr std::size_t kDeepestCalibration = 32;  // no calibration is nested deeper
 
-/// A line without its comment: # at its start or behind a blank, outside quotes.
-std::string_view without_yaml_comment(std::string_view line) {
-  char quote = 0;
-  for (std::size_t i = 0; i < line.size(); ++i) {
-    if (quote != 0) {
-      if (line[i] == quote) quote = 0;
-    } else if (line[i] == '"' || line[i] == '\'') {
-      quote = line[i];
-    } else if (line[i] == '#' && (i == 0 || line[i - 1] == ' ' || line[i - 1] == '\t')) {
-      return line.substr(0, i);
-    }
-  }
-  return line;
-}
-
 /// A value without the tag before it, as in `!!opencv-matrix`.
 std::string_view without_tag(std::string_view value) {
   if (value.empty() || value.front() != '!') return value;
@@ -46,7 +31,7 @@ class YamlReader {
     std::string whole;
     while (std::getline(in, whole)) {
       ++number_;
-      const std::string_view line = without_yaml_comment(whole);
+      const std::string_view line = without_comment(whole);
       if (trim(line).empty()) continue;
       if (open_ == 0 && line.front() == '%') continue;
       if (open_ == 0 && (line.starts_with("---") || line.starts_with("..."))) {

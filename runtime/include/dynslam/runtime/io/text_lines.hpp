@@ -15,6 +15,8 @@ namespace dynslam::runtime {
 
 /// A text without the quotes around it, single or double, where it has both.
 [[nodiscard]] std::string_view unquoted(std::string_view text);
+/// Text without the comment at its end: # at its start or behind a blank, outside quotes.
+[[nodiscard]] std::string_view without_comment(std::string_view text);
 
 /// The words of a line; commas and tabs separate as blanks do (as in TUM's tools).
 [[nodiscard]] std::vector<std::string_view> split_words(std::string_view line);
