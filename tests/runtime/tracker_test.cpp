@@ -220,3 +220,34 @@ TEST_CASE(
       CHECK((found.first.translation() - geometric.first.translation()).norm() < 0.01);
   }
 }
+
+TEST_CASE("a mask that kept the room out of the map does not lose the camera when the rest is hidden") {
+  const Walking& w = rendered_walk();
+  constexpr int kHidden = 4, kFrames = 8;
+  // The network takes the right two thirds of the view for a person, always; then something covers the rest.
+  const cv::Rect open(0, 0, 213, 480);
+  const auto lost_frames = [&](DynamicsMode mode, bool second_look) {
+    TrackerOptions o = options(mode);
+    o.additions = additions(o.method, mode);
+    o.additions->second_look = second_look;
+    Tracker tracker(w.camera, o);
+    int lost = 0;
+    for (std::size_t i = 0; i < kFrames; ++i) {
+      RgbdFrame frame = w.frame(i);
+      Masks masks = w.masks(i);
+      masks.dynamic.setTo(255);
+      masks.dynamic(open).setTo(0);
+      if (i >= kHidden) {
+        frame.gray(open).setTo(40);
+        frame.depth(open).setTo(std::numeric_limits<float>::quiet_NaN());
+      }
+      lost += tracker.track(frame, masks).ok() ? 0 : 1;
+    }
+    return lost;
+  };
+  for (const DynamicsMode mode : {DynamicsMode::semantic, DynamicsMode::both}) {
+    CAPTURE(to_string(mode));
+    CHECK(lost_frames(mode, false) == kFrames - kHidden);
+    CHECK(lost_frames(mode, true) == 0);
+  }
+}

@@ -16,19 +16,6 @@
 namespace dynslam::runtime {
 namespace {
 
-/// A mask with `margin` pixels added around what it shows.
-cv::Mat widened(const cv::Mat& mask, int margin) {
-  const int size = 2 * margin + 1;
-  cv::Mat result;
-  cv::dilate(mask, result, cv::getStructuringElement(cv::MORPH_RECT, {size, size}));
-  return result;
-}
-
-void flag(const Frame& frame, const cv::Mat& mask, std::vector<std::uint8_t>& flags) {
-  flags.resize(frame.features.size(), 0);
-  flag_masked(interop::view<const std::uint8_t>(mask), frame.features, flags);
-}
-
 MatchedPoseOptions<double> pose_options(const TrackerOptions& options) {
   MatchedPoseOptions<double> result = options.pose;
   result.depth_noise = options.depth_noise;
@@ -87,9 +74,10 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.result.state = TrackingState::tracked;
   if (!locate(now) && !(disbelieve_prior(now, MaskVerdict::starved) && locate(now))) {
     now.plain = true;  // what keeps movers out must not lose the camera: without it, at last
-    now.result.state = relocalise(now) ? TrackingState::relocalised
-                       : locate(now)   ? TrackingState::tracked
-                                       : TrackingState::lost;
+    now.result.state = relocalise(now)                  ? TrackingState::relocalised
+                       : locate(now)                    ? TrackingState::tracked
+                       : (look_again() && locate(now)) ? TrackingState::tracked
+                                                        : TrackingState::lost;
   }
   now.done(Stage::local_map);
   if (now.result.state == TrackingState::lost) {
@@ -110,7 +98,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.result.T_w_c = now.frame.T_c_w.inverse();
   now.result.reference = map_.newest();
   now.result.T_c_reference = now.frame.T_c_w * map_.pose(map_.newest()).inverse();
-  last_ = std::move(now.frame);
+  remember_last(now);
   now.done(Stage::keyframe);
   return now.finish();
 }
@@ -189,7 +177,7 @@ void Tracker::start_map(Present& now) {
   if (uses_geometry(options_.dynamics))
     geometry_.remember(now.frame.T_c_w,
                        interop::view<const std::uint8_t>(std::as_const(now.result.dynamic_mask)));
-  last_ = std::move(now.frame);
+  remember_last(now);
 }
 
 bool Tracker::locate(Present& now) {

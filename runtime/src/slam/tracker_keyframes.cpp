@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the tracker does with the map: keyframes, loops, and the adjustment that runs beside it.
+#include <algorithm>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -71,6 +72,32 @@ void Tracker::insert_keyframe(Present& now) {
     bundle_due_ =
         frame.index + static_cast<std::size_t>(loop ? options_.loop_bundle_delay : options_.bundle_delay);
   }
+}
+
+void Tracker::remember_last(Present& now) {
+  last_ = std::move(now.frame);
+  if (!additions_.second_look) return;
+  const std::vector<cv::Mat>& levels = now.image->pyramid.levels;
+  cv::Mat own = last_pyramid_.levels.empty() ? cv::Mat() : last_pyramid_.levels.front();
+  levels.front().copyTo(own);  // level 0 may be the caller's
+  last_pyramid_ = now.image->pyramid;
+  last_pyramid_.levels.front() = own;
+  now.moving.copyTo(last_moving_);
+}
+
+bool Tracker::look_again() {
+  if (!additions_.second_look || lost_frames_ > 0 || last_pyramid_.levels.empty()) return false;
+  (void)settle();  // the bundle adjustment writes the map
+  std::fill(last_.dynamic.begin(), last_.dynamic.end(), 0);
+  if (!last_moving_.empty()) flag(last_, widened(last_moving_, options_.feature_margin), last_.dynamic);
+  points_.trust_all(last_);
+  last_keyframe_tracked_ = points_.make(map_, last_pyramid_, last_);
+  last_.grid.build(last_.features, camera_.width, camera_.height);
+  const int id = map_.add_keyframe(last_);
+  places_.add(id, last_);
+  last_keyframe_index_ = last_.index;
+  last_pyramid_ = {};  // once
+  return true;
 }
 
 void Tracker::set_reference(const Frame& frame) {

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <utility>
+#include <vector>
 
+#include "dynslam/features/masked_features.hpp"
 #include "dynslam/image/image_view.hpp"
 #include "dynslam/interop/opencv.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
@@ -35,5 +39,19 @@ struct Tracker::Present {
     return std::move(result);
   }
 };
+
+/// A mask with `margin` pixels added around what it shows.
+inline cv::Mat widened(const cv::Mat& mask, int margin) {
+  const int size = 2 * margin + 1;
+  cv::Mat result;
+  cv::dilate(mask, result, cv::getStructuringElement(cv::MORPH_RECT, {size, size}));
+  return result;
+}
+
+/// Flags, beside those that are set, the features of a frame that lie on a mask.
+inline void flag(const Frame& frame, const cv::Mat& mask, std::vector<std::uint8_t>& flags) {
+  flags.resize(frame.features.size(), 0);
+  flag_masked(interop::view<const std::uint8_t>(mask), frame.features, flags);
+}
 
 }  // namespace dynslam::runtime

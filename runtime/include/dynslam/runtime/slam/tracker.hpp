@@ -73,6 +73,11 @@ class Tracker {
   /// Makes the frame at hand a keyframe, or notes that one shows the same.
   void keep(Present& now);
   void insert_keyframe(Present& now);
+  /// Keeps what look_again() needs of a frame that was tracked.
+  void remember_last(Present& now);
+  /// Makes the last frame a keyframe with points of all that it saw and that was not found moving, proven or
+  /// not, under an a-priori mask or not. @return false: nothing to look at
+  bool look_again();
   /// Makes the frame at hand the reference keyframe of the geometry.
   void set_reference(const Frame& frame);
 
@@ -104,6 +109,8 @@ class Tracker {
   std::vector<int> votes_;
   std::size_t bundle_due_ = 0;  // frame index
   Frame last_;
+  ImagePyramid last_pyramid_;  // and what was found moving in it, CV_8UC1: for look_again()
+  cv::Mat last_moving_;
   SE3<double> velocity_;  // T_c_last
   bool initialised_ = false;
   int lost_frames_ = 0;
