@@ -15,6 +15,7 @@
 #include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/method.hpp"
 #include "dynslam/dynamics/motion_segmenter.hpp"
+#include "dynslam/dynamics/moves_as_one.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
 #include "image_kinds.hpp"
@@ -122,6 +123,8 @@ template <class Kind, class Camera>
   const auto located = locate_reference(camera, Matches(matches), SE3<S>(), Kind::in(depth), SE3<S>(),
                                         LocateOptions<S>{}, locating);
   out.put("locate_reference", located.ok() && (located.T_c_w * T.inverse()).log().norm() < S(0.01));
+  out.put("moves_as_one", moves_as_one(camera, Matches(matches), SE3<S>(), Kind::in(depth), T, S(0.6),
+                                       LocateOptions<S>{}, locating));
   return out;
 }
 

@@ -33,6 +33,7 @@
 #include "dynslam/segment/connected_components.hpp"
 #include "dynslam/segment/connectivity.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
+#include "dynslam/segment/keypoint_territories.hpp"
 #include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/mask_completion.hpp"
 #include "dynslam/segment/mask_growing.hpp"
@@ -148,6 +149,12 @@ void growing_of(const ImageSet<S>& set, Record<double>& out) {
   complete_unmeasured(labels, Kind::in(depth), Kind::out(grown), {}, unmeasured);
   put_image(out, "complete_mask", Kind::in(grown));
   put_image(out, "grow_mask.age", Kind::in(age));
+  const std::vector<VerdictSite> sites{{30, 30, true}, {34, 30, true}, {32, 34, false}};
+  Image<int> parts;
+  TerritoryWorkspace territories;
+  out.put("territories", keypoint_territories(Kind::in(depth), std::span<const VerdictSite>(sites), step,
+                                              TerritoryOptions{4, 1}, parts, territories));
+  put_image(out, "territory", parts);
 }
 
 template <class Kind, std::floating_point S>

@@ -190,6 +190,33 @@ TEST_CASE_TEMPLATE("depth images taken beside the grey ones make no movers, wher
   // A little is left: rims where keypoints, which go by the grey image, ask for a depth.
   const double blind = mean_share(false), told = mean_share(true);
   CAPTURE(blind);
-  CHECK(blind > 0.02);
+  CHECK(blind > 0.015);
   CHECK(told < 0.5 * blind);
+}
+
+TEST_CASE_TEMPLATE("a board that slides in its plane from the first frame on is found whole", S, float,
+                   double) {
+  // Its depth stays what it was, so the depth check takes all but its leading edge for verified; its texture
+  // tells.
+  const Pinhole<S> camera{S(230), S(230), S(119.5), S(89.5)};
+  const auto found = [&](double territory) {
+    MotionSegmenterOptions<S> options;
+    options.keypoint_seeds.territory = territory;
+    MotionSegmenter<S, Pinhole<S>> segmenter(camera, options);
+    SceneRenderer<Pinhole<S>> view(camera, kWidth, kHeight);
+    MovingScene scene;
+    double overlaps = 0;
+    constexpr int kFrames = 12, kLast = 6;
+    for (int k = 0; k < kFrames; ++k) {
+      view.render(scene, camera_at(k));
+      const SE3<S> T_c_w = camera_at(k).inverse().template cast<S>();
+      const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), T_c_w);
+      if (k >= kFrames - kLast) overlaps += overlap(motion.mask, view.moving) / kLast;
+      segmenter.remember(T_c_w, motion.mask);
+      scene.board.x() += 0.012;
+    }
+    return overlaps;
+  };
+  CHECK(found(0) < 0.5);
+  CHECK(found(MotionSegmenterOptions<S>{}.keypoint_seeds.territory) > 0.85);
 }

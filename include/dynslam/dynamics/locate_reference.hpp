@@ -41,6 +41,23 @@ struct LocateWorkspace {
   PoseWorkspace<S> pose;
 };
 
+/// What a match of a reference keyframe tells of the present pose, with the depth where that is measured.
+/// @param T_w_ref  of the reference keyframe
+/// @param depth    of the present image [m]
+template <std::floating_point S, DepthImage D>
+[[nodiscard]] PoseObservation<S> reference_observation(const KeypointMatch<S>& match, const SE3<S>& T_w_ref,
+                                                       const D& depth, const LocateOptions<S>& options) {
+  PoseObservation<S> o{T_w_ref * match.p_ref, match.x_m, S(0), S(1) / (options.sigma_px * options.sigma_px),
+                       S(0)};
+  const int u = static_cast<int>(std::lround(match.x_m.x())),
+            v = static_cast<int>(std::lround(match.x_m.y()));
+  if (u >= 0 && v >= 0 && u < depth.width() && v < depth.height() && is_valid_depth(depth(u, v))) {
+    o.depth = static_cast<S>(depth(u, v));
+    o.inv_sigma_z2 = options.depth_noise.information(o.depth);
+  }
+  return o;
+}
+
 /// The pose that most of the surface agrees on which the matches of a reference keyframe stand for, masked
 /// ones left out: pose_consensus() with surface_weights(), then optimize_pose() on those that agree. Unlike a
 /// pose that is optimised on everything, it survives a mover with more texture than the room.
@@ -55,16 +72,7 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera, DepthImage D>
   auto& observations = workspace.observations;
   observations.clear();
   for (const KeypointMatch<S>& match : matches) {
-    if (match.masked) continue;
-    PoseObservation<S> o{T_w_ref * match.p_ref, match.x_m, S(0), S(1) / (options.sigma_px * options.sigma_px),
-                         S(0)};
-    const int u = static_cast<int>(std::lround(match.x_m.x())),
-              v = static_cast<int>(std::lround(match.x_m.y()));
-    if (u >= 0 && v >= 0 && u < depth.width() && v < depth.height() && is_valid_depth(depth(u, v))) {
-      o.depth = static_cast<S>(depth(u, v));
-      o.inv_sigma_z2 = options.depth_noise.information(o.depth);
-    }
-    observations.push_back(o);
+    if (!match.masked) observations.push_back(reference_observation(match, T_w_ref, depth, options));
   }
   surface_weights<S>(depth.width(), depth.height(), T_c_w_predicted, observations, options.surface,
                      workspace.weights);

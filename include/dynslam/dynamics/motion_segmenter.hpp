@@ -17,6 +17,7 @@
 #include "dynslam/dynamics/free_space_history.hpp"
 #include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/method.hpp"
+#include "dynslam/dynamics/moves_as_one.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
 #include "dynslam/features/corners.hpp"
@@ -24,25 +25,31 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/image/image_view.hpp"
 #include "dynslam/image/pyramid.hpp"
+#include "dynslam/segment/keypoint_territories.hpp"
 #include "dynslam/segment/mask_completion.hpp"
 #include "dynslam/segment/mask_growing.hpp"
 #include "dynslam/segment/mask_upsampling.hpp"
 
 namespace dynslam {
 
-/// Which dynamic keypoints start the growing. One may err; three close together that all move do not, and
+/// Which dynamic keypoints start the growing. One may err; many close together that all move do not, and
 /// outweigh the depth check, which is blind to motion inside a surface.
 struct KeypointSeedOptions {
   double radius = 1 / 16.0;  ///< how near others count, as a share of the image's width
-  int support = 3;  ///< dynamic ones that must be there, itself included, and not fewer than static ones
+  int support = 8;  ///< dynamic ones that must be there, itself included, and not fewer than static ones
+  /// The depth check takes what slides in its own plane for verified. Where `body` dynamic keypoints or more
+  /// stand on a surface and a share `agreeing` of them has one motion, each speaks for what lies within
+  /// `territory` of it over that surface, as a share of the image's width. An addition to the paper; 0:
+  /// never.
+  double territory = 0.05;
+  int body = 15;
+  double agreeing = 0.8;
 };
 
 /// When the segmenter takes a new reference keyframe by itself.
 struct OwnReferenceOptions {
   bool use = true;       ///< false: the host gives them (set_reference)
   double max_age = 0.7;  ///< [s] at free_space.frame_rate: views must differ, and still show the same things
-  double min_share = 0.5;        ///< of its keypoints in view; fewer: a new one at once
-  double min_found = 0.3;        ///< of its keypoints found again; fewer: a new one at once
   int corners_per_keypoint = 4;  ///< that are looked at: many lie on edges of the depth and cannot serve
   CornerOptions corners;         ///< on the pyramid's level 1, where noise is halved
 };
@@ -129,6 +136,7 @@ class MotionSegmenter {
   const Motion<S>& segment(const G& gray, const D& depth, const SE3<S>& T_c_w, const M& prior,
                            OnStage&& on_stage) {
     motion_.matches.clear();
+    judged_.clear();
     if (!accept_size(gray, depth, prior)) {
       motion_.status = MotionStatus::size_mismatch;
       motion_.mask.fill(0);
@@ -148,8 +156,9 @@ class MotionSegmenter {
       for (auto* image : {&verdicts_.seed, &verdicts_.barrier, &verdicts_.verified}) image->fill(0);
       verdicts_.age.fill(FreeSpaceVerdicts::kNever);
     }
-    motion_.verified = verdicts_.verified;
     add_keypoint_seeds();
+    if (options_.method == Method::full) add_bodies(depth, T_c_w);
+    motion_.verified = verdicts_.verified;
     on_stage(MotionStage::free_space);
     const MaskGrowingResult grown =
         grow_mask(depth_.view(), verdicts_.seed.view(), verdicts_.barrier.view(), verdicts_.age.view(),
@@ -241,6 +250,13 @@ class MotionSegmenter {
     reference_age_ = 0;
   }
   [[nodiscard]] bool has_reference() const { return !reference_.empty(); }
+  /// Whether too little of the reference keyframe was in view or found in the frame last segmented: a new one
+  /// tells more, without delay.
+  [[nodiscard]] bool reference_worn() const {
+    const auto size = static_cast<double>(reference_.size());
+    return static_cast<double>(motion_.tracked) < options_.reference.min_found * size ||
+           static_cast<double>(reference_.in_view()) < options_.reference.min_in_view * size;
+  }
   /// Puts the reference keyframe where the host's map has it by now.
   void place_reference(const SE3<S>& T_c_w) { reference_.place(T_c_w); }
 
@@ -281,8 +297,9 @@ class MotionSegmenter {
     motion_.dynamic_matches = result.dynamic_matches;
     motion_.scales = result.scales;
     for (std::size_t k = 0; k < matches_.size(); ++k) {
-      if (result.mismatch[k] == 0)
-        motion_.matches.push_back({matches_[k].x, matches_[k].x_m, result.weight[k], result.dynamic[k] != 0});
+      if (result.mismatch[k] != 0) continue;
+      motion_.matches.push_back({matches_[k].x, matches_[k].x_m, result.weight[k], result.dynamic[k] != 0});
+      judged_.push_back(k);
     }
   }
 
@@ -293,33 +310,71 @@ class MotionSegmenter {
   void add_keypoint_seeds() {
     const S radius = S(options_.keypoint_seeds.radius * grid_.image_width());
     const int w = grid_.width(), h = grid_.height();
-    for (const JudgedMatch<S>& m : motion_.matches) {
-      if (!m.dynamic) continue;
+    sites_.clear();
+    site_match_.clear();
+    for (std::size_t k = 0; k < motion_.matches.size(); ++k) {
+      const JudgedMatch<S>& m = motion_.matches[k];
+      const int c = grid_.cell_at(static_cast<float>(m.x_m.x()), static_cast<float>(m.x_m.y()));
+      if (c < 0) continue;
+      const int i = c % w, j = c / w;
+      if (!m.dynamic) {
+        sites_.push_back({i, j, false});
+        site_match_.push_back(judged_[k]);
+        continue;
+      }
       int near = 0, near_static = 0;
       for (const JudgedMatch<S>& other : motion_.matches) {
         if ((other.x_m - m.x_m).cwiseAbs().maxCoeff() > radius) continue;
         ++(other.dynamic ? near : near_static);
       }
-      if (near < options_.keypoint_seeds.support || near < near_static) continue;
-      const int c = grid_.cell_at(static_cast<float>(m.x_m.x()), static_cast<float>(m.x_m.y()));
-      if (c < 0) continue;
-      const int i = c % w, j = c / w;
+      if (near < near_static) continue;
+      sites_.push_back({i, j, true});
+      site_match_.push_back(judged_[k]);
+      if (near < options_.keypoint_seeds.support) continue;
       for (int y = std::max(0, j - 1); y <= std::min(h - 1, j + 1); ++y) {
         for (int x = std::max(0, i - 1); x <= std::min(w - 1, i + 1); ++x) {
-          verdicts_.seed(x, y) = 1;
-          verdicts_.barrier(x, y) = 0;
-          verdicts_.age(x, y) = 0;
+          take_for_moving(static_cast<std::size_t>(y * w + x));
         }
       }
     }
+  }
+
+  /// Lets keypoints that move as one body speak for the surface that they lie on.
+  template <class D>
+  void add_bodies(const D& depth, const SE3<S>& T_c_w) {
+    const KeypointSeedOptions& o = options_.keypoint_seeds;
+    const TerritoryOptions territory{static_cast<int>(std::lround(o.territory * grid_.width())), o.body};
+    const int parts = keypoint_territories(depth_, std::span<const VerdictSite>(sites_),
+                                           options_.growing.step, territory, parts_, territories_);
+    for (int part = 1; part <= parts; ++part) {
+      if (territories_.keypoints[static_cast<std::size_t>(part)] < o.body) continue;
+      body_.clear();
+      for (std::size_t k = 0; k < sites_.size(); ++k) {
+        if (sites_[k].moving && parts_(sites_[k].u, sites_[k].v) == part)
+          body_.push_back(matches_[site_match_[k]]);
+      }
+      if (!moves_as_one(camera_, std::span<const KeypointMatch<S>>(body_), reference_.T_c_w(), depth, T_c_w,
+                        S(o.agreeing), options_.locating, locating_))
+        continue;
+      for (std::size_t c = 0; c < grid_.cells(); ++c) {
+        if (parts_.data()[c] != part) continue;
+        take_for_moving(c);
+        verdicts_.verified.data()[c] = 0;
+      }
+    }
+  }
+
+  void take_for_moving(std::size_t cell) {
+    verdicts_.seed.data()[cell] = 1;
+    verdicts_.barrier.data()[cell] = 0;
+    verdicts_.age.data()[cell] = 0;
   }
 
   [[nodiscard]] bool wants_reference() const {
     const OwnReferenceOptions& own = options_.own_reference;
     return reference_.empty() ||
            static_cast<double>(reference_age_) >= own.max_age * options_.free_space.frame_rate ||
-           static_cast<double>(motion_.tracked) < own.min_found * static_cast<double>(reference_.size()) ||
-           static_cast<double>(reference_.in_view()) < own.min_share * static_cast<double>(reference_.size());
+           reference_worn();
   }
 
   void take_reference(const SE3<S>& T_c_w) {
@@ -357,6 +412,11 @@ class MotionSegmenter {
   Image<std::uint8_t> smooth_, cell_mask_, state_, zone_;  // of the cells
   MaskGrowingWorkspace growing_;
   UnmeasuredWorkspace unmeasured_;
+  std::vector<VerdictSite> sites_;
+  std::vector<std::size_t> judged_, site_match_;  // in matches_, of motion_.matches and of sites_
+  Image<int> parts_;                              // of the cells, by body
+  TerritoryWorkspace territories_;
+  std::vector<KeypointMatch<S>> body_;
   CornerWorkspace corner_workspace_;
   std::vector<Eigen::Vector2i> corners_;
   std::vector<ReferenceKeypoint<S>> keypoints_;

@@ -37,6 +37,9 @@ void list(FieldList& f, ReferenceOptions& o) {
     "greatest distance between what the search found and the patch there", kPositive);
   f("border_px", o.border_px, "px", "distance from the image border within which keypoints are left out",
     between(4, 1000));
+  f("min_in_view", o.min_in_view, "", "share of its keypoints in view below which a reference is replaced",
+    kShare);
+  f("min_found", o.min_found, "", "share of its keypoints found below which a reference is replaced", kShare);
   f("pause", o.pause, "frames", "frames after which a keypoint that was not found is searched again", kCount);
   f.table("match", o.match);
   f.table("search", o.search);
@@ -67,6 +70,10 @@ void list(FieldList& f, StaticWeightsOptions<double>& o) {
 void list(FieldList& f, KeypointSeedOptions& o) {
   f("radius", o.radius, "image widths", "distance within which other keypoints count", kShare);
   f("support", o.support, "keypoints", "dynamic keypoints that must be there, itself included", from(1));
+  f("territory", o.territory, "image widths",
+    "how far over its surface a dynamic keypoint speaks against the depth check; 0: never", kShare);
+  f("body", o.body, "keypoints", "dynamic keypoints that must stand on one surface for that", from(3));
+  f("agreeing", o.agreeing, "", "share of them that must have one motion", kShare);
 }
 
 void list(FieldList& f, DepthGridOptions& o) {

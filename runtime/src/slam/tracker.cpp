@@ -74,10 +74,10 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.result.state = TrackingState::tracked;
   if (!locate(now) && !(disbelieve_prior(now, MaskVerdict::starved) && locate(now))) {
     now.plain = true;  // what keeps movers out must not lose the camera: without it, at last
-    now.result.state = relocalise(now)                  ? TrackingState::relocalised
-                       : locate(now)                    ? TrackingState::tracked
+    now.result.state = relocalise(now)                 ? TrackingState::relocalised
+                       : locate(now)                   ? TrackingState::tracked
                        : (look_again() && locate(now)) ? TrackingState::tracked
-                                                        : TrackingState::lost;
+                                                       : TrackingState::lost;
   }
   now.done(Stage::local_map);
   if (now.result.state == TrackingState::lost) {
@@ -95,6 +95,8 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   if (uses_geometry(options_.dynamics))
     geometry_.remember(now.T_c_w, interop::view<const std::uint8_t>(std::as_const(now.result.dynamic_mask)));
   if (wants_keyframe(now)) keep(now);
+  if (options_.method == Method::full && uses_geometry(options_.dynamics) && geometry_.reference_worn())
+    set_reference(now.frame);
   now.result.T_w_c = now.frame.T_c_w.inverse();
   now.result.reference = map_.newest();
   now.result.T_c_reference = now.frame.T_c_w * map_.pose(map_.newest()).inverse();
@@ -272,7 +274,7 @@ bool Tracker::relocalise(Present& now) {
 
 void Tracker::find_movers(Present& now) {
   TrackResult& result = now.result;
-  if (geometry_.has_reference()) geometry_.place_reference(map_.pose(reference_id_));
+  if (geometry_.has_reference()) geometry_.place_reference(T_reference_keyframe_ * map_.pose(reference_id_));
   geometry_.set_depth_motion(depth_motion(now.input, now.T_c_w * last_.T_c_w.inverse()));
   constexpr std::array kStages{Stage::lucas_kanade, Stage::residuals, Stage::free_space, Stage::growing};
   Stopwatch watch;

@@ -43,10 +43,8 @@ void Tracker::keep(Present& now) {
   }
   last_keyframe_index_ = frame.index;
   if (uses_geometry(options_.dynamics) &&
-      (!geometry_.has_reference() || map_.newest() - reference_id_ > options_.reference_distance)) {
+      (!geometry_.has_reference() || map_.newest() - reference_id_ > options_.reference_distance))
     set_reference(frame);
-    reference_id_ = map_.newest();
-  }
   now.result.keyframe = true;
 }
 
@@ -103,10 +101,15 @@ bool Tracker::look_again() {
 void Tracker::set_reference(const Frame& frame) {
   std::vector<ReferenceKeypoint<double>> keypoints;
   keypoints.reserve(frame.features.size());
-  for (const Feature& f : frame.features)
+  for (std::size_t i = 0; i < frame.features.size(); ++i) {
+    const Feature& f = frame.features[i];
     keypoints.push_back({Eigen::Vector2d(f.u, f.v), static_cast<double>(f.depth),
-                         static_cast<double>(extractor_.scale(f.octave))});
+                         static_cast<double>(extractor_.scale(f.octave)),
+                         options_.method == Method::full && frame.dynamic[i] != 0});
+  }
   geometry_.set_reference(keypoints, frame.T_c_w);
+  reference_id_ = map_.newest();
+  T_reference_keyframe_ = frame.T_c_w * map_.pose(reference_id_).inverse();
 }
 
 void Tracker::finish() {

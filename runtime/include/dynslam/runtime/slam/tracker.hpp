@@ -114,9 +114,10 @@ class Tracker {
   SE3<double> velocity_;  // T_c_last
   bool initialised_ = false;
   int lost_frames_ = 0;
-  std::size_t frames_ = 0;        // tracked or lost so far
-  std::optional<double> last_t_;  // of the frame before [s]
-  int reference_id_ = 0;
+  std::size_t frames_ = 0;            // tracked or lost so far
+  std::optional<double> last_t_;      // of the frame before [s]
+  int reference_id_ = 0;              // keyframe beside which the geometry's reference stands
+  SE3<double> T_reference_keyframe_;  // and how
   std::size_t last_keyframe_index_ = 0;
   int last_keyframe_tracked_ = 0;
   cv::Mat resting_;  // people at rest, CV_8UC1
