@@ -138,11 +138,12 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
 }
 
 void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_out) {
-  app.add_option("sequence", o.sequence, "Folder of a sequence: TUM, 7-Scenes, ... (see --format)")
+  app.add_option("sequence", o.sequence,
+                 "Folder of a sequence: TUM, 7-Scenes, ... (see --format), or a ROS 1 bag")
       ->required();
   app.add_option("--out,-o", o.out, fmt::format("Folder for the results (default: {})", default_out));
   app.add_option("--camera", o.camera, "fr1, fr2, fr3, bonn or a camera file (default: from the sequence)");
-  add_format_options(app, o.format, o.rate);
+  add_format_options(app, o.format, o.topics, o.rate);
   app.add_option(
       "--masks", o.masks,
       "Folder of a-priori masks, <time stamp>.png: 0/255 masks, labels (8 bit) or instances (16 bit)");
@@ -150,11 +151,12 @@ void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_
   add_slam_options(app, o);
 }
 
-/// results/NAME of a sequence's folder.
+/// results/NAME of a sequence's folder, or of NAME.bag.
 std::filesystem::path default_folder(const std::filesystem::path& sequence) {
   std::filesystem::path full = std::filesystem::weakly_canonical(std::filesystem::absolute(sequence));
   if (!full.has_filename()) full = full.parent_path();
-  return std::filesystem::path("results") / full.filename();
+  const bool folder = !std::filesystem::is_regular_file(full);
+  return std::filesystem::path("results") / (folder ? full.filename() : full.stem());
 }
 
 /// One line on stderr for all frames without a pose; summary.json lists every one.

@@ -204,6 +204,7 @@ std::string quoted(const std::string& text) {
 std::string command_for(const fs::path& root, const InspectOptions& options, const SequenceReport& report) {
   std::string command = "dynslam run " + quoted(root.string());
   if (!options.reading.format.empty()) command += " --format " + options.reading.format;
+  if (!options.reading.topics.empty()) command += " --topics " + quoted(options.reading.topics);
   if (!report.sequence.has_stamps) command += fmt::format(" --rate {}", options.reading.rate);
   if (!options.camera.empty()) command += " --camera " + quoted(options.camera);
   if (!report.camera) command += " --camera FILE";
@@ -246,8 +247,10 @@ SequenceReport inspect_sequence(const fs::path& root, const InspectOptions& opti
   const Sequence& sequence = report.sequence;
   find_camera(options, report);
   report.stamps = inspect::measure_stamps(sequence);
-  report.colour_size = inspect::image_size(sequence.frames.front().rgb).value_or(cv::Size());
-  report.depth_size = inspect::image_size(sequence.frames.front().depth).value_or(cv::Size());
+  report.colour_size =
+      inspect::image_size(sequence.frames.front(), ImageSource::Kind::colour).value_or(cv::Size());
+  report.depth_size =
+      inspect::image_size(sequence.frames.front(), ImageSource::Kind::depth).value_or(cv::Size());
   for (std::string& odd : inspect::check_files(sequence, report.camera ? &*report.camera : nullptr))
     report.odd.push_back(std::move(odd));
   if (report.camera) judge_camera(*report.camera, report);

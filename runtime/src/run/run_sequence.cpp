@@ -283,6 +283,7 @@ SequenceOptions sequence_options(const RunOptions& options) {
   SequenceOptions result;
   result.max_frames = options.max_frames;
   result.format = options.format;
+  result.topics = options.topics;
   result.rate = options.rate;
   result.camera = options.camera;
   return result;

@@ -22,6 +22,7 @@ struct RunOptions {
   std::filesystem::path sequence, out;
   std::string camera;  ///< fr1, fr2, fr3, bonn or a file; empty: from the sequence
   std::string format;  ///< of the sequence, see sequence_formats(); empty: by looking at the folder
+  std::string topics;  ///< of a bag, "COLOUR,DEPTH"; empty: by looking at it
   double rate = 30;    ///< frames per second, of formats without time stamps
   DynamicsMode dynamics = DynamicsMode::both;
   std::filesystem::path masks;            ///< folder of a-priori masks; empty: none
