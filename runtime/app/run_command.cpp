@@ -16,6 +16,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluation/ablate.hpp"
 #include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/inspect/inspect.hpp"
 #include "dynslam/runtime/io/sequence.hpp"
 #include "dynslam/runtime/run/run_sequence.hpp"
 #include "exit_codes.hpp"
@@ -180,10 +181,10 @@ int interrupted() {
 }
 
 /// ATE and RPE where the sequence has ground truth; what cannot be compared is said, not an error.
-std::string accuracy(const rt::RunOptions& options, const rt::RunSummary& summary) {
+std::string accuracy(const rt::RunOptions& options, const rt::Sequence& sequence,
+                     const rt::RunSummary& summary) {
+  if (sequence.groundtruth.empty()) return {};
   try {
-    const rt::Sequence sequence = rt::load_sequence(options.sequence, rt::sequence_options(options));
-    if (sequence.groundtruth.empty()) return {};
     return rt::to_text(rt::evaluate_trajectory(summary.trajectory, sequence.groundtruth,
                                                (options.out / "trajectory.txt").string(),
                                                sequence.truth_file.string()));
@@ -194,15 +195,22 @@ std::string accuracy(const rt::RunOptions& options, const rt::RunSummary& summar
 
 int run_sequence(const rt::RunOptions& options) {
   stop_on_signals();
+  rt::Sequence sequence;
+  const auto opened = [&](const rt::Sequence& found, const rt::CameraConfig& camera) {
+    sequence = found;
+    for (const std::string& doubt : rt::camera_doubts(found, camera))
+      std::cerr << "dynslam: warning: " << doubt << '\n';
+  };
   const rt::RunSummary summary = [&] {
     ProgressLine line;
-    return rt::run_sequence(options, stop_requested, [&](const rt::Progress& p) { line.show(describe(p)); });
+    const auto show = [&](const rt::Progress& p) { line.show(describe(p)); };
+    return rt::run_sequence(options, stop_requested, show, opened);
   }();
   report_problems(summary, options.out);
   std::cout << fmt::format("{} of {} frames tracked ({} lost, {} broken), {:.1f} frames/s; results in {}\n",
                            summary.tracked, summary.frames, summary.lost, summary.broken, summary.fps,
                            options.out.string())
-            << accuracy(options, summary);
+            << accuracy(options, sequence, summary);
   return summary.interrupted ? interrupted() : 0;
 }
 

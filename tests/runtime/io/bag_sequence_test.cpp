@@ -305,3 +305,24 @@ TEST_CASE("times of a bag's images: nanoseconds are kept, what is none or comes 
   test::write_file(file, bag_at(5, 0));
   CHECK(mentions(load_error(file), "t.bag: /c: two images have the time 0.000000005 s"));
 }
+
+TEST_CASE("a run warns of a camera that the sequence's name contradicts, before it tracks") {
+  const FilmBag bag({raw_colour(), metric_depth(), camera_info(), tf_truth()});
+  const auto named = bag.path / "rgbd_dataset_freiburg1_desk.bag";
+  fs::rename(bag.file, named);
+  const ProgramResult run =
+      call("run " + named.string() + " --no-map --dynamics none --out " + (bag.path / "o").string());
+  CHECK(run.code == 0);
+  CHECK(mentions(run.out,
+                 "dynslam: warning: the bag's name speaks of fr1 (fx 517.3, fy 516.5), the camera "
+                 "/camera/rgb/camera_info has fx 535.4"));
+  CHECK(run.out.find("depth units") == std::string::npos);
+  CHECK(mentions(call("info " + named.string()).out, "the bag's name speaks of fr1"));
+  const FormatFixture folder("tum");
+  const auto renamed = bag.path / "freiburg2_x";
+  fs::copy(folder.root, renamed, fs::copy_options::recursive);
+  CHECK(mentions(call("run " + renamed.string() + " --camera fr3 --no-map --dynamics none --out " +
+                      (bag.path / "p").string())
+                     .out,
+                 "dynslam: warning: the folder's name speaks of fr2"));
+}
