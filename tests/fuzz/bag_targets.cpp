@@ -64,20 +64,26 @@ void ros_message(Bytes bytes) {
   }
 }
 
+std::string of_kind(int kind, const std::string& message) {
+  std::string seed(1, static_cast<char>(kind));
+  seed += message;
+  return seed;
+}
+
 std::vector<std::string> message_seeds() {
   using namespace test;
   const cv::Mat colour(2, 3, CV_8UC3, cv::Scalar(1, 2, 3)), depth(2, 2, CV_16UC1, cv::Scalar(900));
-  const std::string png =
-      "\x89PNG\r\n\x1A\n" + std::string("\0\0\0\x0DIHDR\0\0\0\x02\0\0\0\x02\x10\0\0\0\0", 21);
+  std::string png("\x89PNG\r\n\x1A\n\0\0\0\x0DIHDR\0\0\0\x02\0\0\0\x02\x10\0\0\0\0", 29), coded(12, '\x01');
+  coded += png;
   const SE3<double> pose;
-  return {"\x01" + compressed_message(5, "f", "rgb8; png compressed bgr8", png),
-          std::string(1, '\0') + image_message(5, "f", "rgb8", colour),
-          "\x02" + image_message(5, "f", "16UC1", depth),
-          "\x03" + compressed_message(5, "f", "32FC1; compressedDepth png", std::string(12, '\x01') + png),
-          "\x04" + info_message(5, "f", {}),
-          "\x05" + tf_message(5, {{"w", "f", pose}, {"f", "g", pose}}),
-          "\x06" + pose_message(5, "w", pose),
-          "\x08" + odometry_message(5, "f", pose)};
+  return {of_kind(0, image_message(5, "f", "rgb8", colour)),
+          of_kind(1, compressed_message(5, "f", "rgb8; png compressed bgr8", png)),
+          of_kind(2, image_message(5, "f", "16UC1", depth)),
+          of_kind(3, compressed_message(5, "f", "32FC1; compressedDepth png", coded)),
+          of_kind(4, info_message(5, "f", {})),
+          of_kind(5, tf_message(5, {{"w", "f", pose}, {"f", "g", pose}})),
+          of_kind(6, pose_message(5, "w", pose)),
+          of_kind(8, odometry_message(5, "f", pose))};
 }
 
 std::vector<std::string> bag_seeds() {

@@ -80,7 +80,8 @@ TEST_CASE("a bag is recognised, and read with its topics, camera, times, depth a
   const CameraConfig camera = camera_of(sequence);
   CHECK(camera.model.pinhole().fx() == 535.4);
   CHECK(camera.model.pinhole().cy() == 247.6);
-  CHECK(sequence.camera_source == kInfoTopic);
+  CHECK(sequence.camera_source == "CameraInfo");
+  CHECK(camera.name == kInfoTopic);
   CHECK(depth_error(sequence, 10) < 1e-6);
   const RgbdFrame frame = decode_frame(sequence.frames[10], 10, camera);
   CHECK(cv::norm(frame.bgr, film()[10].bgr, cv::NORM_INF) == 0);

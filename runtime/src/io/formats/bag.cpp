@@ -132,7 +132,7 @@ Sequence load_bag(const fs::path& root, const SequenceOptions& options) {
   bag::InfoCamera info = bag::camera_beside(survey, *topics.colour);
   sequence.camera = std::move(info.camera);
   if (sequence.camera) {
-    sequence.camera_source = info.topic;
+    sequence.camera_source = "CameraInfo";  // the topic is its name
   } else {
     sequence.camera_hint = sequence.folder_camera;
   }
