@@ -9,8 +9,11 @@
 set -euo pipefail
 
 app=(build-essential cmake ninja-build ccache curl ca-certificates
-  libeigen3-dev libopencv-dev liboctomap-dev libcli11-dev nlohmann-json3-dev libfmt-dev libjpeg-dev)
+  libeigen3-dev libopencv-dev liboctomap-dev libcli11-dev nlohmann-json3-dev libfmt-dev libjpeg-dev
+  libbz2-dev liblz4-dev)
 development=(git clang doctest-dev libbenchmark-dev libceres-dev libopencv-contrib-dev)
+# With 60 packages of ROS and Boost, for one test alone, and not in every release: taken where apt has them.
+optional=(librosbag-storage-dev)
 
 fail() {
   echo "install-deps: $*" >&2
@@ -49,11 +52,16 @@ missing() {
   done
 }
 
-with_sanitizers() {
+with_what_apt_has() {
   if [ "${1:-all}" = all ]; then
-    local runtime
+    local runtime package
     runtime=$(sanitizer_runtime)
     [ -z "$runtime" ] || packages+=("$runtime")
+    for package in "${optional[@]}"; do
+      if installed "$package" || apt-cache show "$package" > /dev/null 2>&1; then
+        packages+=("$package")
+      fi
+    done
   fi
 }
 
@@ -65,7 +73,7 @@ onnxruntime() {
 }
 
 if [ -z "$(missing)" ]; then
-  with_sanitizers "${1:-all}"
+  with_what_apt_has "${1:-all}"
   if [ -z "$(missing)" ]; then
     echo "install-deps: all ${#packages[@]} packages are installed"
     onnxruntime
@@ -82,7 +90,7 @@ fi
 export DEBIAN_FRONTEND=noninteractive
 
 "${as_root[@]}" apt-get -q update || fail "apt-get update failed (is the network up?)"
-with_sanitizers "${1:-all}"
+with_what_apt_has "${1:-all}"
 read -r -d "" -a wanted <<< "$(missing)" || true
 echo "install-deps: installing ${wanted[*]}"
 "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \

@@ -42,9 +42,10 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
   o.trajectory->add_option("estimate", o.estimate, "Trajectory in TUM format, or the folder of a run")
       ->required();
   o.trajectory
-      ->add_option("groundtruth", o.groundtruth, "Ground truth in TUM format, or the folder of a sequence")
+      ->add_option("groundtruth", o.groundtruth,
+                   "Ground truth in TUM format, or the folder of a sequence, or its bag")
       ->required();
-  add_format_options(*o.trajectory, o.reading.format, o.reading.rate);
+  add_format_options(*o.trajectory, o.reading.format, o.reading.topics, o.reading.rate);
   o.trajectory->add_flag("--json", o.json, "Print JSON");
   o.masks = app.add_subcommand("eval-masks", "IoU, recall and precision of masks");
   o.masks->add_option("predicted", o.predicted, "Folder of PNG masks")->required();
@@ -53,7 +54,8 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
                       "cover, which are false alarms where nothing moves");
   o.masks->add_flag("--json", o.json, "Print JSON");
   o.faults = app.add_subcommand("mask-faults", "Write wrong masks for a sequence, to see what they cost");
-  o.faults->add_option("sequence", o.fault.sequence, "Folder of a sequence with ground truth")->required();
+  o.faults->add_option("sequence", o.fault.sequence, "Folder of a sequence with ground truth, or its bag")
+      ->required();
   o.faults->add_option("out", o.fault.out, "Folder to make, for run --masks")->required();
   o.faults
       ->add_option_function<std::string>(
@@ -64,7 +66,7 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
           std::vector<std::string>(runtime::kMaskFaultNames.begin(), runtime::kMaskFaultNames.end())));
   o.faults->add_option("--camera", o.fault.camera,
                        "fr1, fr2, fr3, bonn or a camera file (default: from the sequence)");
-  add_format_options(*o.faults, o.fault.format, o.fault.rate);
+  add_format_options(*o.faults, o.fault.format, o.fault.topics, o.fault.rate);
   o.faults->add_option("--seed", o.fault.seed, "Of random blobs")->capture_default_str()->check(whole());
 }
 

@@ -6,7 +6,7 @@
 
 namespace dynslam::app {
 
-/// --format and --rate, of every command that opens a sequence.
-void add_format_options(CLI::App& app, std::string& format, double& rate);
+/// --format, --topics and --rate, of every command that opens a sequence.
+void add_format_options(CLI::App& app, std::string& format, std::string& topics, double& rate);
 
 }  // namespace dynslam::app

@@ -16,6 +16,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluation/ablate.hpp"
 #include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/inspect/inspect.hpp"
 #include "dynslam/runtime/io/sequence.hpp"
 #include "dynslam/runtime/run/run_sequence.hpp"
 #include "exit_codes.hpp"
@@ -138,11 +139,12 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
 }
 
 void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_out) {
-  app.add_option("sequence", o.sequence, "Folder of a sequence: TUM, 7-Scenes, ... (see --format)")
+  app.add_option("sequence", o.sequence,
+                 "Folder of a sequence: TUM, 7-Scenes, ... (see --format), or a ROS 1 bag")
       ->required();
   app.add_option("--out,-o", o.out, fmt::format("Folder for the results (default: {})", default_out));
   app.add_option("--camera", o.camera, "fr1, fr2, fr3, bonn or a camera file (default: from the sequence)");
-  add_format_options(app, o.format, o.rate);
+  add_format_options(app, o.format, o.topics, o.rate);
   app.add_option(
       "--masks", o.masks,
       "Folder of a-priori masks, <time stamp>.png: 0/255 masks, labels (8 bit) or instances (16 bit)");
@@ -150,11 +152,12 @@ void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_
   add_slam_options(app, o);
 }
 
-/// results/NAME of a sequence's folder.
+/// results/NAME of a sequence's folder, or of NAME.bag.
 std::filesystem::path default_folder(const std::filesystem::path& sequence) {
   std::filesystem::path full = std::filesystem::weakly_canonical(std::filesystem::absolute(sequence));
   if (!full.has_filename()) full = full.parent_path();
-  return std::filesystem::path("results") / full.filename();
+  const bool folder = !std::filesystem::is_regular_file(full);
+  return std::filesystem::path("results") / (folder ? full.filename() : full.stem());
 }
 
 /// One line on stderr for all frames without a pose; summary.json lists every one.
@@ -178,10 +181,10 @@ int interrupted() {
 }
 
 /// ATE and RPE where the sequence has ground truth; what cannot be compared is said, not an error.
-std::string accuracy(const rt::RunOptions& options, const rt::RunSummary& summary) {
+std::string accuracy(const rt::RunOptions& options, const rt::Sequence& sequence,
+                     const rt::RunSummary& summary) {
+  if (sequence.groundtruth.empty()) return {};
   try {
-    const rt::Sequence sequence = rt::load_sequence(options.sequence, rt::sequence_options(options));
-    if (sequence.groundtruth.empty()) return {};
     return rt::to_text(rt::evaluate_trajectory(summary.trajectory, sequence.groundtruth,
                                                (options.out / "trajectory.txt").string(),
                                                sequence.truth_file.string()));
@@ -192,15 +195,22 @@ std::string accuracy(const rt::RunOptions& options, const rt::RunSummary& summar
 
 int run_sequence(const rt::RunOptions& options) {
   stop_on_signals();
+  rt::Sequence sequence;
+  const auto opened = [&](const rt::Sequence& found, const rt::CameraConfig& camera) {
+    sequence = found;
+    for (const std::string& doubt : rt::camera_doubts(found, camera))
+      std::cerr << "dynslam: warning: " << doubt << '\n';
+  };
   const rt::RunSummary summary = [&] {
     ProgressLine line;
-    return rt::run_sequence(options, stop_requested, [&](const rt::Progress& p) { line.show(describe(p)); });
+    const auto show = [&](const rt::Progress& p) { line.show(describe(p)); };
+    return rt::run_sequence(options, stop_requested, show, opened);
   }();
   report_problems(summary, options.out);
   std::cout << fmt::format("{} of {} frames tracked ({} lost, {} broken), {:.1f} frames/s; results in {}\n",
                            summary.tracked, summary.frames, summary.lost, summary.broken, summary.fps,
                            options.out.string())
-            << accuracy(options, summary);
+            << accuracy(options, sequence, summary);
   return summary.interrupted ? interrupted() : 0;
 }
 

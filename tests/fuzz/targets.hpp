@@ -25,6 +25,7 @@ struct Target {
 
 // One group per file.
 void add_text_targets(std::vector<Target>& targets);
+void add_bag_targets(std::vector<Target>& targets);
 void add_map_targets(std::vector<Target>& targets);
 void add_network_targets(std::vector<Target>& targets);
 

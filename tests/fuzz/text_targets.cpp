@@ -189,6 +189,7 @@ std::vector<Target> targets() {
   std::vector<Target> all;
   add_text_targets(all);
   add_config_target(all);
+  add_bag_targets(all);
   add_map_targets(all);
   add_network_targets(all);
   return all;

@@ -125,6 +125,7 @@ void list(FieldList& f, RunOptions& o) {
   f("camera", o.camera, "", "fr1, fr2, fr3, bonn or a camera file; empty: from the sequence");
   f("format", o.format, "",
     "format of the sequence, see docs/your-own-data.md; empty: by looking at the folder");
+  f("topics", o.topics, "", "topics of a bag, COLOUR,DEPTH; empty: by looking at it");
   f("rate", o.rate, "1/s", "frame rate of formats without time stamps", between(0.01, 10000));
   f("masks", o.masks, "", "folder of a-priori masks; empty: none");
   f("save_masks", o.save_masks, "", "write the dynamic masks");

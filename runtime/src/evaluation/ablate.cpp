@@ -19,6 +19,7 @@
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
+#include "io/frame_images.hpp"
 #include "io/make_folder.hpp"
 
 namespace dynslam::runtime {
@@ -146,7 +147,7 @@ void write_overlays(const Ablation& ablation, const Sequence& sequence, const fs
     frames.push_back(&frame);
     captions.push_back(fmt::format("{:.2f} s", frame.t_rgb - sequence.frames.front().t_rgb));
     try {
-      colour.push_back(read_image(frame.rgb, cv::IMREAD_COLOR));
+      colour.push_back(read_image(frame, ImageSource::Kind::colour));
     } catch (const InputError&) {  // a broken frame: reported by the run
       colour.emplace_back();
     }
@@ -179,8 +180,11 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
                 const std::function<void(DynamicsMode, const Progress&)>& progress) {
   const Sequence sequence = load_sequence(options.sequence, sequence_options(options));
   if (sequence.groundtruth.empty())
-    throw InputError((options.sequence / "groundtruth.txt").string(), 0,
-                     "is missing: the ablation needs ground truth");
+    throw sequence.truth_missing.empty()
+        ? InputError((options.sequence / "groundtruth.txt").string(), 0,
+                     "is missing: the ablation needs ground truth")
+        : InputError(options.sequence.string(), 0,
+                     "has no ground truth, which the ablation needs: " + sequence.truth_missing);
   RunOptions run = options;
   run.save_masks = true;
   if (!run.tracker.additions) run.tracker.additions = ablation_additions(run.tracker.method);

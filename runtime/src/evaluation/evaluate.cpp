@@ -71,12 +71,15 @@ TrajectoryReport evaluate_trajectory(const fs::path& estimate, const fs::path& g
                                      const SequenceOptions& options) {
   const fs::path file = fs::is_directory(estimate) ? estimate / "trajectory.txt" : estimate;
   const auto est = read_trajectory(file);
-  if (!fs::is_directory(groundtruth))
+  const bool sequence_file = options.format == "bag" || !formats_of(groundtruth).empty();
+  if (!fs::is_directory(groundtruth) && !sequence_file)
     return evaluate_trajectory(est, read_trajectory(groundtruth), file.string(), groundtruth.string());
   const Sequence sequence = load_sequence(groundtruth, options);
   if (sequence.groundtruth.empty())
     throw InputError(groundtruth.string(), 0,
-                     fmt::format("has no ground truth; its format is {}", sequence.format));
+                     sequence.truth_missing.empty()
+                         ? fmt::format("has no ground truth; its format is {}", sequence.format)
+                         : "has no ground truth: " + sequence.truth_missing);
   return evaluate_trajectory(est, sequence.groundtruth, file.string(), sequence.truth_file.string());
 }
 

@@ -40,6 +40,7 @@ struct Ball {
 SequenceOptions reading(const MaskFaultOptions& options) {
   SequenceOptions result;
   result.format = options.format;
+  result.topics = options.topics;
   result.rate = options.rate;
   result.camera = options.camera;
   return result;

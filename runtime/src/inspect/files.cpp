@@ -11,6 +11,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "inspect/measure.hpp"
+#include "io/frame_images.hpp"
 
 namespace dynslam::runtime::inspect {
 namespace {
@@ -44,8 +45,36 @@ std::optional<cv::Size> jpeg_size(std::istream& in) {
   return std::nullopt;
 }
 
-/// Whether two files have the same bytes.
-bool same_bytes(const fs::path& a, const fs::path& b) {
+using Kind = ImageSource::Kind;
+
+/// Width and height by the head of a PNG or JPEG file, however damaged the rest is.
+std::optional<cv::Size> size_of_file(const fs::path& path) {
+  std::error_code error;
+  if (!fs::is_regular_file(path, error)) return std::nullopt;
+  std::ifstream in(path, std::ios::binary);
+  const int first = in.get();
+  const int second = in.get();
+  if (first == 0xFF && second == 0xD8) return jpeg_size(in);
+  if (first != 0x89 || second != 'P') return std::nullopt;
+  in.ignore(14);  // signature, length and name of the first chunk
+  const int width = big_endian(in, 4), height = big_endian(in, 4);
+  if (!in) return std::nullopt;
+  return cv::Size(width, height);
+}
+
+/// Whether two images have the same bytes.
+bool same_bytes(const FrameRecord& x, const FrameRecord& y, Kind kind) {
+  if (x.source && y.source) {
+    const auto content = [&](const FrameRecord& f) {
+      return f.source->content(kind, kind == Kind::colour ? f.colour_number : f.depth_number);
+    };
+    try {
+      return content(x) == content(y);
+    } catch (const InputError&) {  // reported as unreadable
+      return false;
+    }
+  }
+  const fs::path &a = kind == Kind::colour ? x.rgb : x.depth, &b = kind == Kind::colour ? y.rgb : y.depth;
   if (a == b) return true;
   std::error_code error;
   const auto size = fs::file_size(a, error);
@@ -60,10 +89,11 @@ bool same_bytes(const fs::path& a, const fs::path& b) {
 /// Images that cannot be read, and sizes that are not the one expected.
 class SizeCheck {
  public:
-  SizeCheck(std::string what, std::optional<cv::Size> expected)
-      : what_(std::move(what)), expected_(expected) {}
-  void add(const fs::path& path) {
-    const auto size = image_size(path);
+  SizeCheck(Kind kind, std::optional<cv::Size> expected) : kind_(kind), expected_(expected) {}
+  void add(const FrameRecord& frame) {
+    const fs::path& path = kind_ == Kind::colour ? frame.rgb : frame.depth;
+    in_files_ = frame.source == nullptr;
+    const auto size = image_size(frame, kind_);
     if (!size) {
       if (unreadable_++ == 0) first_unreadable_ = path;
       return;
@@ -75,17 +105,20 @@ class SizeCheck {
     }
   }
   void report(std::size_t of, std::vector<std::string>& odd) const {
+    const char* what = kind_ == Kind::colour ? "colour" : "depth";
     if (unreadable_ > 0)
-      odd.push_back(fmt::format("{} of {} {} images are missing or no PNG or JPEG files, the first {}",
-                                unreadable_, of, what_, first_unreadable_.string()));
+      odd.push_back(fmt::format("{} of {} {} images {}, the first {}", unreadable_, of, what,
+                                in_files_ ? "are missing or no PNG or JPEG files" : "cannot be read",
+                                first_unreadable_.string()));
     if (others_ > 0)
       odd.push_back(fmt::format("{} of {} {} images are not {}x{} as {}, the first {} ({}x{})", others_, of,
-                                what_, expected_->width, expected_->height, "the camera's",
+                                what, expected_->width, expected_->height, "the camera's",
                                 first_other_.string(), other_.width, other_.height));
   }
 
  private:
-  std::string what_;
+  Kind kind_;
+  bool in_files_ = true;
   std::optional<cv::Size> expected_;
   std::size_t unreadable_ = 0, others_ = 0;
   fs::path first_unreadable_, first_other_;
@@ -94,18 +127,13 @@ class SizeCheck {
 
 }  // namespace
 
-std::optional<cv::Size> image_size(const fs::path& path) {
-  std::error_code error;
-  if (!fs::is_regular_file(path, error)) return std::nullopt;
-  std::ifstream in(path, std::ios::binary);
-  const int first = in.get();
-  const int second = in.get();
-  if (first == 0xFF && second == 0xD8) return jpeg_size(in);
-  if (first != 0x89 || second != 'P') return std::nullopt;
-  in.ignore(14);  // signature, length and name of the first chunk
-  const int width = big_endian(in, 4), height = big_endian(in, 4);
-  if (!in) return std::nullopt;
-  return cv::Size(width, height);
+std::optional<cv::Size> image_size(const FrameRecord& frame, Kind kind) {
+  if (!frame.source) return size_of_file(kind == Kind::colour ? frame.rgb : frame.depth);
+  try {
+    return stored_size(frame, kind);
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
 }
 
 std::vector<std::string> check_files(const Sequence& sequence, const CameraConfig* camera) {
@@ -113,15 +141,15 @@ std::vector<std::string> check_files(const Sequence& sequence, const CameraConfi
   std::optional<cv::Size> size;
   if (camera != nullptr) size = cv::Size(camera->width, camera->height);
   const cv::Size scaled = sequence.frames.front().colour_size;
-  SizeCheck colour("colour", scaled.empty() ? size : std::optional(scaled)), depth("depth", size);
+  SizeCheck colour(Kind::colour, scaled.empty() ? size : std::optional(scaled)), depth(Kind::depth, size);
   std::size_t colour_again = 0, depth_again = 0;
   std::string first_again;
   const FrameRecord* before = nullptr;
   for (const FrameRecord& frame : sequence.frames) {
-    colour.add(frame.rgb);
-    depth.add(frame.depth);
-    const bool same_colour = before != nullptr && same_bytes(before->rgb, frame.rgb);
-    const bool same_depth = before != nullptr && same_bytes(before->depth, frame.depth);
+    colour.add(frame);
+    depth.add(frame);
+    const bool same_colour = before != nullptr && same_bytes(*before, frame, Kind::colour);
+    const bool same_depth = before != nullptr && same_bytes(*before, frame, Kind::depth);
     if (first_again.empty() && (same_colour || same_depth)) first_again = frame.stamp;
     colour_again += same_colour ? 1 : 0;
     depth_again += same_depth ? 1 : 0;

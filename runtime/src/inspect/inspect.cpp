@@ -139,57 +139,6 @@ void judge_stamps(SequenceReport& report) {
                   s.gaps.size(), s.gaps.size() > 1 ? "s" : "", missing, longest->length, longest->t));
 }
 
-/// Largest distance between where two cameras of one size see a point, over rays to their pixels [px].
-double largest_difference(const CameraConfig& a, const CameraConfig& b) {
-  constexpr int kSteps = 16;
-  double most = 0;
-  for (int j = 0; j <= kSteps; ++j) {
-    for (int i = 0; i <= kSteps; ++i) {
-      const Eigen::Vector2d x((a.width - 1.0) * i / kSteps, (a.height - 1.0) * j / kSteps);
-      const auto p = a.model.unproject(x, 1.0);
-      const auto y = p ? b.model.project(*p) : std::nullopt;
-      if (y) most = std::max(most, (*y - x).norm());
-    }
-  }
-  return most;
-}
-
-/// Against the camera that the folder's name speaks of.
-void judge_name(const CameraConfig& camera, const std::string& named, SequenceReport& report) {
-  constexpr double kSame = 0.01;  // of focal lengths, units and the width
-  const CameraConfig expected = load_camera(named);
-  const auto &k = camera.model.pinhole(), &e = expected.model.pinhole();
-  const double apart = largest_difference(camera, expected);
-  if (std::abs(k.fx() / e.fx() - 1) > kSame || std::abs(k.fy() / e.fy() - 1) > kSame) {
-    report.odd.push_back(
-        fmt::format("the folder's name speaks of {} (fx {:.1f}, fy {:.1f}), the camera {} has "
-                    "fx {:.1f}, fy {:.1f}",
-                    named, e.fx(), e.fy(), camera.name, k.fx(), k.fy()));
-  } else if (apart > kSame * camera.width) {
-    report.odd.push_back(fmt::format(
-        "the folder's name speaks of {}, whose centre or lens puts pixels up to {:.0f} px beside those of "
-        "the camera {}",
-        named, apart, camera.name));
-  }
-  if (std::abs(camera.depth_units_per_metre / expected.depth_units_per_metre - 1) > kSame)
-    report.odd.push_back(
-        fmt::format("the folder's name speaks of {} ({} depth units per metre), the camera {} has {}", named,
-                    expected.depth_units_per_metre, camera.name, camera.depth_units_per_metre));
-}
-
-void judge_camera(const CameraConfig& camera, SequenceReport& report) {
-  const auto& k = camera.model.pinhole();
-  const std::string& named = report.sequence.folder_camera;
-  constexpr double kAside = 0.15, kSquare = 0.1;
-  if (!named.empty()) judge_name(camera, named, report);
-  if (std::abs(k.cx() / camera.width - 0.5) > kAside || std::abs(k.cy() / camera.height - 0.5) > kAside)
-    report.odd.push_back(fmt::format("the camera's centre ({:.1f}, {:.1f}) is far from the middle of {}x{}",
-                                     k.cx(), k.cy(), camera.width, camera.height));
-  if (std::abs(k.fx() / k.fy() - 1) > kSquare)
-    report.odd.push_back(fmt::format("the camera's fx {:.1f} and fy {:.1f} differ by {:.0f} %", k.fx(),
-                                     k.fy(), 100 * std::abs(k.fx() / k.fy() - 1)));
-}
-
 std::string quoted(const std::string& text) {
   const bool plain = !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) {
     return std::isalnum(c) != 0 ||
@@ -204,6 +153,7 @@ std::string quoted(const std::string& text) {
 std::string command_for(const fs::path& root, const InspectOptions& options, const SequenceReport& report) {
   std::string command = "dynslam run " + quoted(root.string());
   if (!options.reading.format.empty()) command += " --format " + options.reading.format;
+  if (!options.reading.topics.empty()) command += " --topics " + quoted(options.reading.topics);
   if (!report.sequence.has_stamps) command += fmt::format(" --rate {}", options.reading.rate);
   if (!options.camera.empty()) command += " --camera " + quoted(options.camera);
   if (!report.camera) command += " --camera FILE";
@@ -246,11 +196,15 @@ SequenceReport inspect_sequence(const fs::path& root, const InspectOptions& opti
   const Sequence& sequence = report.sequence;
   find_camera(options, report);
   report.stamps = inspect::measure_stamps(sequence);
-  report.colour_size = inspect::image_size(sequence.frames.front().rgb).value_or(cv::Size());
-  report.depth_size = inspect::image_size(sequence.frames.front().depth).value_or(cv::Size());
+  report.colour_size =
+      inspect::image_size(sequence.frames.front(), ImageSource::Kind::colour).value_or(cv::Size());
+  report.depth_size =
+      inspect::image_size(sequence.frames.front(), ImageSource::Kind::depth).value_or(cv::Size());
   for (std::string& odd : inspect::check_files(sequence, report.camera ? &*report.camera : nullptr))
     report.odd.push_back(std::move(odd));
-  if (report.camera) judge_camera(*report.camera, report);
+  if (report.camera) {
+    for (std::string& odd : camera_doubts(sequence, *report.camera)) report.odd.push_back(std::move(odd));
+  }
   if (report.camera || !report.depth_size.empty()) {
     const CameraConfig camera = report.camera ? *report.camera : any_camera(report.depth_size);
     const std::vector<Burst> bursts = take_bursts(sequence, camera, options);

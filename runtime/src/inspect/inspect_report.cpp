@@ -28,7 +28,7 @@ std::string camera_text(const CameraConfig& c, const std::string& source) {
 
 std::string truth_text(const SequenceReport& r) {
   const TruthReport& t = r.truth;
-  if (t.poses == 0) return "none";
+  if (t.poses == 0) return r.sequence.truth_missing.empty() ? "none" : "none: " + r.sequence.truth_missing;
   std::string text = fmt::format("{}: {} poses, for {:.0f} % of the pairs", r.sequence.truth_file.string(),
                                  t.poses, 100 * t.covered);
   if (t.motions > 0)
@@ -55,6 +55,7 @@ std::string to_text(const SequenceReport& r) {
   const StampReport& s = r.stamps;
   row("sequence", r.sequence.root.string());
   row("format", r.sequence.format);
+  if (!r.sequence.topics.empty()) row("topics", r.sequence.topics);
   row("frames", fmt::format("{} pairs of {} colour and {} depth images, {:.2f} s", s.pairs, s.colour_images,
                             s.depth_images, s.duration));
   if (r.sequence.has_stamps) {
@@ -87,6 +88,7 @@ nlohmann::json to_json(const SequenceReport& r) {
   nlohmann::json j{
       {"sequence", r.sequence.root.string()},
       {"format", r.sequence.format},
+      {"topics", r.sequence.topics},
       {"has_stamps", r.sequence.has_stamps},
       {"pairs", s.pairs},
       {"colour_images", s.colour_images},

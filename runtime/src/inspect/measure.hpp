@@ -19,8 +19,8 @@ using Burst = std::vector<RgbdFrame>;
 
 [[nodiscard]] StampReport measure_stamps(const Sequence& sequence);
 
-/// Width and height by the head of a PNG or JPEG file, without decoding it; nullopt where it cannot be read.
-[[nodiscard]] std::optional<cv::Size> image_size(const std::filesystem::path& path);
+/// Width and height by an image's head, without decoding it; nullopt where it cannot be read.
+[[nodiscard]] std::optional<cv::Size> image_size(const FrameRecord& frame, ImageSource::Kind kind);
 
 /// What is odd about the files: missing ones, sizes, pictures that repeat.
 [[nodiscard]] std::vector<std::string> check_files(const Sequence& sequence, const CameraConfig* camera);

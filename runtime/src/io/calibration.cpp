@@ -168,11 +168,15 @@ class CalibrationReader {
 
 }  // namespace
 
+CameraFacts facts_of_calibration(const std::vector<NamedWords>& nodes, const std::string& file) {
+  return CalibrationReader(nodes, file).read();
+}
+
 CameraFacts parse_calibration(const std::string& text, const std::string& file) {
   const auto first = text.find_first_not_of(" \t\r\n");
   const bool xml = first != std::string::npos && text[first] == '<';
   const auto nodes = xml ? parse_xml(text, file) : parse_yaml(text, file);
-  return CalibrationReader(nodes, file).read();
+  return facts_of_calibration(nodes, file);
 }
 
 }  // namespace dynslam::runtime

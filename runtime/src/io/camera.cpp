@@ -39,15 +39,34 @@ bool is_calibration(const std::string& text) {
   return colon != std::string_view::npos && colon < line.find('=');
 }
 
-}  // namespace
-
-CameraConfig parse_camera(std::istream& in, const std::string& file) {
+CameraFacts facts_of(std::istream& in, const std::string& file) {
   std::string text;
   for (std::array<char, 4096> part{}; in.read(part.data(), part.size()) || in.gcount() > 0;)
     text.append(part.data(), static_cast<std::size_t>(in.gcount()));
   if (in.bad()) throw InputError(file, 0, "cannot be read");
-  return camera_of_facts(is_calibration(text) ? parse_calibration(text, file) : parse_own_camera(text, file),
-                         file);
+  return is_calibration(text) ? parse_calibration(text, file) : parse_own_camera(text, file);
+}
+
+bool is_name(const std::string& name_or_file) {
+  return name_or_file == "fr1" || name_or_file == "fr2" || name_or_file == "fr3" || name_or_file == "bonn";
+}
+
+}  // namespace
+
+CameraConfig parse_camera(std::istream& in, const std::string& file) {
+  return camera_of_facts(facts_of(in, file), file);
+}
+
+CameraConfig load_camera(const std::string& name_or_file, double usual_units) {
+  CameraConfig camera = load_camera(name_or_file);
+  if (is_name(name_or_file)) {
+    camera.depth_units_per_metre = usual_units;
+    return camera;
+  }
+  std::istringstream in(read_file(name_or_file));
+  CameraFacts facts = facts_of(in, name_or_file);
+  facts.numbers.try_emplace("depth_units_per_metre", usual_units);
+  return camera_of_facts(facts, name_or_file);
 }
 
 std::filesystem::path camera_file_in(const std::filesystem::path& folder) {

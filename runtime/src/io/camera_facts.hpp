@@ -6,6 +6,7 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "dynslam/runtime/io/camera.hpp"
 
@@ -29,5 +30,13 @@ struct CameraFacts {
 
 /// @throws InputError naming the file: a missing number, one out of its range, one that the model lacks
 [[nodiscard]] CameraConfig camera_of_facts(const CameraFacts& facts, const std::string& file);
+
+struct NamedWords;  // of calibration_text.hpp
+/// The same of what such a file holds. @throws InputError (line)
+[[nodiscard]] CameraFacts facts_of_calibration(const std::vector<NamedWords>& nodes, const std::string& file);
+
+/// As the other load_camera(), for sequences whose depth has so many units per metre unless the file says
+/// otherwise; the units of named cameras are those of the data sets that they are published with.
+[[nodiscard]] CameraConfig load_camera(const std::string& name_or_file, double usual_units);
 
 }  // namespace dynslam::runtime

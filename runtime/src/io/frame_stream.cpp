@@ -1,17 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "dynslam/runtime/io/frame_stream.hpp"
 
-#include <fmt/format.h>
-
 #include <exception>
 #include <new>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/io/image_io.hpp"
 #include "io/argument_check.hpp"
+#include "io/frame_images.hpp"
 #include "io/frame_of_images.hpp"
 #include "threads/thread_priority.hpp"
 
@@ -20,31 +17,23 @@ namespace dynslam::runtime {
 RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const CameraConfig& camera) {
   (void)checked(camera);
   const cv::Size camera_size(camera.width, camera.height);
-  const auto decode = [](const std::filesystem::path& path, cv::Size expected, int flags) {
-    const EncodedImage image(path);
-    if (const cv::Size size = image.size(); size != expected) {
-      throw InputError(path.string(), 0,
-                       fmt::format("is {}x{}, the camera's images are {}x{}", size.width, size.height,
-                                   expected.width, expected.height));
-    }
-    return image.decode(flags);
-  };
   RgbdFrame frame;
   frame.index = index;
   frame.t = record.t_rgb;
   frame.depth_delay = record.t_depth - record.t_rgb;
   frame.stamp = record.stamp;
   if (record.colour_size.empty()) {
-    frame.bgr = decode(record.rgb, camera_size, cv::IMREAD_COLOR);
+    frame.bgr = read_image(record, ImageSource::Kind::colour, camera_size);
   } else {
-    cv::resize(decode(record.rgb, record.colour_size, cv::IMREAD_COLOR), frame.bgr, camera_size, 0, 0,
-               cv::INTER_AREA);
+    cv::resize(read_image(record, ImageSource::Kind::colour, record.colour_size), frame.bgr, camera_size, 0,
+               0, cv::INTER_AREA);
   }
-  const cv::Mat raw = decode(record.depth, camera_size, cv::IMREAD_UNCHANGED);
-  if (raw.type() != CV_16UC1)
+  const cv::Mat raw = read_image(record, ImageSource::Kind::depth, camera_size);
+  const bool metres = record.source && raw.type() == CV_32FC1;
+  if (!metres && raw.type() != CV_16UC1)
     throw InputError(record.depth.string(), 0, "is not a 16-bit image of one channel");
   cv::cvtColor(frame.bgr, frame.gray, cv::COLOR_BGR2GRAY);
-  frame.depth = depth_in_metres(raw, camera);
+  frame.depth = metres ? raw : depth_in_metres(raw, camera);
   return frame;
 }
 

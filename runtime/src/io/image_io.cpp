@@ -58,7 +58,10 @@ Bytes bytes_of(const std::string& content) {
 
 }  // namespace
 
-EncodedImage::EncodedImage(std::filesystem::path path) : path_(std::move(path)), content_(read_file(path_)) {
+EncodedImage::EncodedImage(const std::filesystem::path& path) : EncodedImage(path, read_file(path)) {}
+
+EncodedImage::EncodedImage(std::filesystem::path name, std::string content)
+    : path_(std::move(name)), content_(std::move(content)) {
   const auto refuse = [&](const std::string& reason) { throw InputError(path_.string(), 0, reason); };
   const Bytes bytes = bytes_of(content_);
   const bool png = starts_with(bytes, kPngStart), jpeg = starts_with(bytes, kJpegStart);

@@ -10,6 +10,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
+#include "io/camera_facts.hpp"
 #include "io/formats/format.hpp"
 
 namespace dynslam::runtime {
@@ -18,9 +19,9 @@ namespace {
 namespace fs = std::filesystem;
 using formats::Format;
 
-constexpr std::array<const Format*, 8> kFormats{
-    &formats::kTum,         &formats::kBonn,    &formats::kEth3d,   &formats::kIclNuim,
-    &formats::kSevenScenes, &formats::kReplica, &formats::kScanNet, &formats::kRedwood};
+constexpr std::array<const Format*, 9> kFormats{
+    &formats::kTum,     &formats::kBonn,    &formats::kEth3d,   &formats::kIclNuim, &formats::kSevenScenes,
+    &formats::kReplica, &formats::kScanNet, &formats::kRedwood, &formats::kBag};
 
 std::string names() {
   std::string text;
@@ -68,6 +69,17 @@ const Format& format_by_looking(const fs::path& root) {
                    fmt::format("has the files of {}: say which is meant with --format NAME", found));
 }
 
+const Format& format_of(const fs::path& root, const std::string& name) {
+  const bool folder = fs::is_directory(root);
+  if (name == formats::kBag.name) return formats::kBag;  // which says itself what is no bag
+  if (!folder && name.empty() && fs::exists(root)) {
+    if (formats::kBag.matches(root)) return formats::kBag;
+    throw InputError(root.string(), 0, "is neither a folder nor a ROS 1 bag");
+  }
+  if (!folder) throw InputError(root.string(), 0, "is not a folder");
+  return name.empty() ? format_by_looking(root) : format_by_name(name);
+}
+
 }  // namespace
 
 std::vector<SequenceFormat> sequence_formats() {
@@ -87,8 +99,9 @@ std::vector<std::string> formats_of(const fs::path& root) {
 Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
   if (!(options.rate > 0 && options.rate <= 1e6))
     throw UsageError(fmt::format("a rate of {} frames per second is none", options.rate));
-  if (!fs::is_directory(root)) throw InputError(root.string(), 0, "is not a folder");
-  const Format& format = options.format.empty() ? format_by_looking(root) : format_by_name(options.format);
+  const Format& format = format_of(root, options.format);
+  if (!options.topics.empty() && &format != &formats::kBag)
+    throw UsageError(fmt::format("--topics is for bags; {} is of the format {}", root.string(), format.name));
   Sequence sequence = format.load(root, options);
   sequence.format = std::string(format.name);
   if (sequence.groundtruth.empty()) sequence.truth_file.clear();
@@ -105,8 +118,9 @@ CameraConfig camera_of(const Sequence& sequence, const std::string& name_or_file
   if (formats::is_eth3d_camera(named)) {
     std::istringstream in(read_file(named));
     camera = formats::parse_eth3d_camera(in, formats::first_size(sequence.frames, false), named);
+    if (sequence.depth_units > 0) camera.depth_units_per_metre = sequence.depth_units;
   } else {
-    camera = load_camera(named);
+    camera = sequence.depth_units > 0 ? load_camera(named, sequence.depth_units) : load_camera(named);
   }
   if (camera.invalid_depth == 0 && sequence.camera) camera.invalid_depth = sequence.camera->invalid_depth;
   return camera;

@@ -70,6 +70,8 @@ class Run {
   explicit Run(const RunOptions& options);
   /// Tracks all frames, or as many as there are before `stop`. @throws what ends the run
   void track(const std::atomic<bool>& stop, const std::function<void(const Progress&)>& progress);
+  [[nodiscard]] const Sequence& sequence() const { return sequence_; }
+  [[nodiscard]] const CameraConfig& camera() const { return camera_; }
   /// Saves what was computed; each part also where another one fails.
   void save(const std::atomic<bool>& stop);
   /// Does a part of the run; the first failure of all is kept for the end.
@@ -283,15 +285,18 @@ SequenceOptions sequence_options(const RunOptions& options) {
   SequenceOptions result;
   result.max_frames = options.max_frames;
   result.format = options.format;
+  result.topics = options.topics;
   result.rate = options.rate;
   result.camera = options.camera;
   return result;
 }
 
 RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop,
-                        const std::function<void(const Progress&)>& progress) {
+                        const std::function<void(const Progress&)>& progress,
+                        const std::function<void(const Sequence&, const CameraConfig&)>& opened) {
   check_request(options);
   Run run(options);
+  if (opened) opened(run.sequence(), run.camera());
   run.attempt([&] { run.track(stop, progress); });
   run.save(stop);
   return run.summary();

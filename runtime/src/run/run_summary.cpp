@@ -14,6 +14,7 @@ nlohmann::json configuration(const RunOptions& options, const CameraConfig& came
   const TrackerOptions& t = options.tracker;
   return {{"sequence", options.sequence.string()},
           {"format", options.format},
+          {"topics", options.topics},
           {"rate", options.rate},
           {"camera", camera.name},
           {"dynamics", std::string(to_string(options.dynamics))},

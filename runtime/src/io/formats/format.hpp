@@ -25,10 +25,18 @@ struct Format {
   Sequence (*load)(const std::filesystem::path& root, const SequenceOptions& options);
 };
 
-extern const Format kTum, kBonn, kEth3d, kIclNuim, kSevenScenes, kReplica, kScanNet, kRedwood;
+extern const Format kTum, kBonn, kEth3d, kIclNuim, kSevenScenes, kReplica, kScanNet, kRedwood, kBag;
 
 /// The name of a folder, also where the path ends in a slash or is a dot.
 [[nodiscard]] std::string folder_name(const std::filesystem::path& root);
+
+/// fr1, fr2 or fr3 where a folder's or file's name speaks of it, as TUM's do: rgbd_dataset_freiburg1_xyz,
+/// fr1_xyz.
+[[nodiscard]] std::string camera_by_name(const std::string& name);
+
+/// What the stamps of depth images are late [s]: by the options, or by the camera that they name, or by the
+/// one that the sequence's folder or hint says. @throws as load_camera()
+[[nodiscard]] double depth_time_offset(const Sequence& sequence, const SequenceOptions& options);
 
 /// Frames listed by TUM's files: associations in the file of that name where it is there, else rgb.txt and
 /// depth.txt. @throws InputError

@@ -8,8 +8,8 @@
 #include <system_error>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/io/image_io.hpp"
 #include "io/formats/format.hpp"
+#include "io/frame_images.hpp"
 
 namespace dynslam::runtime::formats {
 namespace {
@@ -108,7 +108,7 @@ void pair_by_number(Sequence& sequence, const std::vector<NumberedFile>& colour,
 cv::Size first_size(const std::vector<FrameRecord>& frames, bool depth) {
   for (const FrameRecord& frame : frames) {
     try {
-      return EncodedImage(depth ? frame.depth : frame.rgb).size();
+      return stored_size(frame, depth ? ImageSource::Kind::depth : ImageSource::Kind::colour);
     } catch (const InputError&) {  // a broken frame is the run's to report
       if (&frame == &frames.back()) throw;
     }

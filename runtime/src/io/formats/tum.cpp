@@ -25,32 +25,9 @@ std::vector<ListEntry> read_list(const fs::path& path) {
   return list;
 }
 
-/// TUM names the camera in its folder names: rgbd_dataset_freiburg1_xyz, fr1_xyz.
-std::string camera_by_folder(const std::string& name) {
-  for (const char digit : {'1', '2', '3'}) {
-    if (name.find(std::string("freiburg") + digit) != std::string::npos ||
-        name.starts_with(std::string("fr") + digit)) {
-      return std::string("fr") + digit;
-    }
-  }
-  return {};
-}
-
 bool has_lists(const fs::path& root) {
   return fs::exists(root / "rgb.txt") || fs::exists(root / "depth.txt") ||
          fs::exists(root / "associations.txt");
-}
-
-/// Images are paired by when they were taken, which the camera says: the one that the options name, or the
-/// folder's camera file, or the one known by the folder's name.
-double depth_time_offset(const Sequence& sequence, const SequenceOptions& options) {
-  if (!sequence.has_stamps) return 0;  // numbers of frames are no times
-  if (options.depth_time_offset != 0) return options.depth_time_offset;
-  std::string camera = options.camera;
-  if (camera.empty()) camera = camera_file_in(sequence.root).string();
-  if (camera.empty()) camera = sequence.camera_hint;
-  if (camera.empty() || is_eth3d_camera(camera)) return 0;
-  return load_camera(camera).depth_time_offset;
 }
 
 void read_truth(Sequence& sequence) {
@@ -148,7 +125,7 @@ Sequence load_icl(const fs::path& root, const SequenceOptions& options) {
 Sequence load_tum(const fs::path& root, const SequenceOptions& options) {
   Sequence sequence;
   sequence.root = root;
-  sequence.folder_camera = camera_by_folder(folder_name(root));
+  sequence.folder_camera = camera_by_name(folder_name(root));
   sequence.camera_hint = sequence.folder_camera;
   read_lists(sequence, "associations.txt", options);
   read_truth(sequence);
@@ -176,6 +153,27 @@ std::string folder_name(const fs::path& root) {
   fs::path folder = fs::absolute(root).lexically_normal();
   if (!folder.has_filename()) folder = folder.parent_path();
   return folder.filename().string();
+}
+
+std::string camera_by_name(const std::string& name) {
+  for (const char digit : {'1', '2', '3'}) {
+    if (name.find(std::string("freiburg") + digit) != std::string::npos ||
+        name.starts_with(std::string("fr") + digit)) {
+      return std::string("fr") + digit;
+    }
+  }
+  return {};
+}
+
+/// Images are paired by when they were taken.
+double depth_time_offset(const Sequence& sequence, const SequenceOptions& options) {
+  if (!sequence.has_stamps) return 0;  // numbers of frames are no times
+  if (options.depth_time_offset != 0) return options.depth_time_offset;
+  std::string camera = options.camera;
+  if (camera.empty()) camera = camera_file_in(sequence.root).string();
+  if (camera.empty()) camera = sequence.camera_hint;
+  if (camera.empty() || is_eth3d_camera(camera)) return 0;
+  return load_camera(camera).depth_time_offset;
 }
 
 void read_lists(Sequence& sequence, const std::string& associations, const SequenceOptions& options) {

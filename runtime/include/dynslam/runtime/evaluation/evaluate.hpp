@@ -26,8 +26,8 @@ struct TrajectoryReport {
                                                    const std::string& est_name, const std::string& gt_name);
 [[nodiscard]] TrajectoryReport evaluate_trajectory(const std::filesystem::path& estimate,
                                                    const std::filesystem::path& groundtruth);
-/// The same by folders: `estimate` may be the folder of a run, `groundtruth` that of a sequence, whose format
-/// says where its poses are and what they mean.
+/// The same by folders: `estimate` may be the folder of a run, `groundtruth` that of a sequence, or a bag,
+/// whose format says where its poses are and what they mean.
 [[nodiscard]] TrajectoryReport evaluate_trajectory(const std::filesystem::path& estimate,
                                                    const std::filesystem::path& groundtruth,
                                                    const SequenceOptions& options);

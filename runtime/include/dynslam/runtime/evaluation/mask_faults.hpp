@@ -42,6 +42,7 @@ struct MaskFaultOptions {
   std::filesystem::path sequence;  ///< with ground truth: where the camera is says where the object is seen
   std::string camera;              ///< empty: by the sequence
   std::string format;              ///< of the sequence, see sequence_formats(); empty: by looking at it
+  std::string topics;              ///< of a bag, "COLOUR,DEPTH"; empty: by looking at it
   double rate = 30;                ///< frames per second, of formats without time stamps
   std::filesystem::path out;       ///< folder of <time stamp>.png, for `run --masks`
   MaskFault fault = MaskFault::object_always;

@@ -75,6 +75,9 @@ struct InspectOptions {
 /// @throws InputError, UsageError  as load_sequence()
 [[nodiscard]] SequenceReport inspect_sequence(const std::filesystem::path& root,
                                               const InspectOptions& options = {});
+/// What is odd about the camera of a sequence, one line each: against the one that the name of the folder or
+/// the bag speaks of, its centre, its focal lengths.
+[[nodiscard]] std::vector<std::string> camera_doubts(const Sequence& sequence, const CameraConfig& camera);
 [[nodiscard]] nlohmann::json to_json(const SequenceReport& report);
 [[nodiscard]] std::string to_text(const SequenceReport& report);
 

@@ -16,7 +16,9 @@ inline constexpr int kLongestSide = 8192;
 class EncodedImage {
  public:
   /// @throws InputError naming the file
-  explicit EncodedImage(std::filesystem::path path);
+  explicit EncodedImage(const std::filesystem::path& path);
+  /// What such a file would hold. @throws InputError with this name
+  EncodedImage(std::filesystem::path name, std::string content);
   [[nodiscard]] cv::Size size() const { return size_; }
   /// @param flags  cv::ImreadModes @throws InputError naming the file
   [[nodiscard]] cv::Mat decode(int flags) const;

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <memory>
 #include <opencv2/core/types.hpp>
 #include <optional>
 #include <string>
@@ -11,6 +12,7 @@
 
 #include "dynslam/eval/trajectory.hpp"
 #include "dynslam/runtime/io/camera.hpp"
+#include "dynslam/runtime/io/image_source.hpp"
 
 namespace dynslam::runtime {
 
@@ -19,11 +21,13 @@ struct FrameRecord {
   double t_rgb = 0,
          t_depth = 0;  ///< [s]; of depth, when it was taken: CameraConfig::depth_time_offset is off
   std::string stamp;   ///< colour time or number as the folder prints it; names masks and results
-  std::filesystem::path rgb, depth;
+  std::filesystem::path rgb, depth;  ///< files; with a `source` names for messages alone
   cv::Size colour_size{};  ///< of the colour file [px] where it is to be scaled to the camera's; else empty
+  std::shared_ptr<const ImageSource> source{};      ///< of images that are no files; else null
+  std::size_t colour_number = 0, depth_number = 0;  ///< there
 };
 
-/// A recorded sequence on disk: what every format fills.
+/// A recorded sequence on disk, in a folder or a file: what every format fills.
 struct Sequence {
   std::filesystem::path root;
   std::string format{};                            ///< tum, 7-scenes, ...: one of sequence_formats()
@@ -35,13 +39,17 @@ struct Sequence {
   std::string folder_camera{};         ///< fr1, fr2, fr3, bonn where the folder's name speaks of it
   std::filesystem::path truth_file{};  ///< file or folder of the ground truth
   std::vector<double> colour_times{}, depth_times{};  ///< of all images, those without a partner, too [s]
-  bool has_stamps = true;  ///< times are recorded; else they are frame number / rate
+  std::string topics{};                               ///< of a bag, "COLOUR,DEPTH", as chosen
+  std::string truth_missing{};  ///< why there is no ground truth, where the format knows
+  double depth_units = 0;       ///< per metre, of a camera that does not say so; 0: as load_camera() has it
+  bool has_stamps = true;       ///< times are recorded; else they are frame number / rate
 };
 
 struct SequenceOptions {
   double max_association_difference = 0.02;  ///< seconds between colour and depth
   std::size_t max_frames = 0;                ///< 0: all
   std::string format{};                      ///< one of sequence_formats(); empty: by looking at the folder
+  std::string topics{};                      ///< of a bag, "COLOUR,DEPTH"; empty: by looking at it
   double rate = 30;                          ///< frames per second, of formats without time stamps
   std::string camera{};          ///< as camera_of()'s: its depth_time_offset goes into the pairing of images
   double depth_time_offset = 0;  ///< 0: the camera's
@@ -51,9 +59,10 @@ struct SequenceOptions {
 struct SequenceFormat {
   std::string_view name, files;
 };
-/// All formats: tum, bonn, eth3d, icl-nuim, 7-scenes, replica, scannet, redwood. See docs/your-own-data.md.
+/// All formats: tum, bonn, eth3d, icl-nuim, 7-scenes, replica, scannet, redwood, bag. See
+/// docs/your-own-data.md.
 [[nodiscard]] std::vector<SequenceFormat> sequence_formats();
-/// The formats that a folder looks like; more than one where it holds the files of several.
+/// The formats that a folder, or a file, looks like; more than one where it holds the files of several.
 [[nodiscard]] std::vector<std::string> formats_of(const std::filesystem::path& root);
 
 /// Reads a sequence's lists, camera and ground truth; images are not decoded. A camera file in the folder

@@ -22,6 +22,7 @@ struct RunOptions {
   std::filesystem::path sequence, out;
   std::string camera;  ///< fr1, fr2, fr3, bonn or a file; empty: from the sequence
   std::string format;  ///< of the sequence, see sequence_formats(); empty: by looking at the folder
+  std::string topics;  ///< of a bag, "COLOUR,DEPTH"; empty: by looking at it
   double rate = 30;    ///< frames per second, of formats without time stamps
   DynamicsMode dynamics = DynamicsMode::both;
   std::filesystem::path masks;            ///< folder of a-priori masks; empty: none
@@ -76,10 +77,12 @@ struct RunSummary {
 /// computed is saved also when `stop` becomes true midway; trajectory.txt and summary.json are written as the
 /// run goes, see docs/reliability.md. A map that was loaded is never saved poorer than it was: what a failed
 /// run has is added to it where that is whole, and else the saved map stays.
+/// @param opened  called with the sequence and its camera before the first frame
 /// @throws InputError  unreadable sequence or masks, unwritable output, too many broken frames, or no frame
 ///         tracked at all (the files are written first where possible)
 /// @throws UsageError  options that contradict each other
 RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop,
-                        const std::function<void(const Progress&)>& progress = {});
+                        const std::function<void(const Progress&)>& progress = {},
+                        const std::function<void(const Sequence&, const CameraConfig&)>& opened = {});
 
 }  // namespace dynslam::runtime
