@@ -8,6 +8,7 @@
 #include "io/argument_check.hpp"
 #include "io/frame_of_images.hpp"
 #include "io/input_check.hpp"
+#include "slam/event_journal.hpp"
 #include "slam/run_map.hpp"
 
 namespace dynslam::runtime {
@@ -48,7 +49,8 @@ struct Slam::State {
   State(const CameraConfig& c, const SlamOptions& o)
       : camera(c),
         options(with_noise_of(c, o)),
-        tracker(std::make_unique<Tracker>(c, tracker_options(options))) {
+        tracker(std::make_unique<Tracker>(c, tracker_options(options))),
+        journal(o.events) {
     if (o.map) octree = std::make_unique<RunMap>(c, mapper_options(options));
   }
 
@@ -79,6 +81,7 @@ struct Slam::State {
   CameraConfig camera;
   SlamOptions options;
   std::unique_ptr<Tracker> tracker;
+  EventJournal journal;
   std::unique_ptr<RunMap> octree;
   std::unique_ptr<FrameSegmenter> network;
   std::vector<FramePose> frames;
@@ -110,10 +113,12 @@ TrackResult Slam::track(const cv::Mat& image, const cv::Mat& depth, double t,
 
 TrackResult Slam::track(const RgbdFrame& frame, const std::optional<Masks>& prior) {
   State& s = *state_;
+  s.journal.check_not_telling("Slam::track()");
   check_input(frame, prior, s.camera, s.last_t);
   s.last_t = frame.t;
   ++s.seen;
   TrackResult result;
+  s.journal.begin(*s.tracker);
   s.step([&] {
     result = s.tracker->track(frame, prior);
     if (result.ok()) s.frames.push_back({frame.t, result.reference, result.T_c_reference, result.keyframe});
@@ -121,16 +126,23 @@ TrackResult Slam::track(const RgbdFrame& frame, const std::optional<Masks>& prio
     s.octree->insert(result, frame, prior);
     if (result.loop) s.octree->follow(s.tracker->map());
   });
+  s.journal.note(*s.tracker, frame.t, &result);
+  s.journal.tell();
   return result;
 }
 
 void Slam::finish() {
-  state_->step([this] {
-    state_->tracker->finish();
-    if (!state_->octree) return;
-    state_->octree->follow(state_->tracker->map());
-    state_->octree->finish();
+  State& s = *state_;
+  s.journal.check_not_telling("Slam::finish()");
+  s.journal.begin(*s.tracker);
+  s.step([&s] {
+    s.tracker->finish();
+    if (!s.octree) return;
+    s.octree->follow(s.tracker->map());
+    s.octree->finish();
   });
+  s.journal.note(*s.tracker, s.last_t.value_or(0), nullptr);
+  s.journal.tell();
 }
 
 std::vector<StampedPose<double>> Slam::trajectory() const {
@@ -165,8 +177,10 @@ void Slam::save(const std::filesystem::path& folder) {
 
 void Slam::load(const std::filesystem::path& folder) {
   State& s = *state_;
+  s.journal.check_not_telling("Slam::load()");
   s.loaded.folder = folder;
   s.tracker->load(load_slam_map(folder, s.camera, &s.loaded.map_id));
+  s.journal.loaded();
   const int keyframes = static_cast<int>(s.tracker->map().keyframes().size());
   if (s.octree) s.octree->load(folder, {s.loaded.map_id, keyframes});
 }
@@ -179,6 +193,7 @@ void Slam::save_octree(const std::filesystem::path& folder) {
 }
 
 void Slam::reset() {
+  state_->journal.check_not_telling("Slam::reset()");
   auto network = std::move(state_->network);
   state_ = std::make_unique<State>(state_->camera, state_->options);
   state_->network = std::move(network);

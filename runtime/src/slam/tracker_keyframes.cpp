@@ -100,6 +100,7 @@ void Tracker::load(LocalMap map) {
 SE3<double> Tracker::settle() {
   if (!bundle_.pending()) return {};
   const SE3<double> D = bundle_.apply(map_);
+  ++adjustments_;
   follow(D);
   for (const int id :
        map_.cull_keyframes(map_.newest(), options_.redundant_keyframe, options_.spare_keyframes))

@@ -16,6 +16,7 @@
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/nets/frame_segmenter.hpp"
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
+#include "dynslam/runtime/slam/slam_events.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
 
 namespace dynslam::runtime {
@@ -32,6 +33,7 @@ struct SlamOptions {
   TrackerOptions tracker;          ///< its `dynamics` and seeds are set from those above
   /// How the octree is made; its `resolution` and `max_bytes` are set from those above.
   SemanticMapperOptions mapper = SemanticMapperOptions::of_run();
+  SlamEvents events{};  ///< functions to be called: keyframes, loops, adjustments, lost, found
 };
 
 /// RGB-D SLAM from frames in memory:

@@ -47,6 +47,8 @@ class Tracker {
   void finish();
 
   [[nodiscard]] const LocalMap& map() const { return map_; }
+  /// Bundle adjustments that were used so far.
+  [[nodiscard]] std::size_t adjustments() const { return adjustments_; }
   /// People at rest, whose features the next frame uses, CV_8UC1; empty where nobody is known to be.
   [[nodiscard]] const cv::Mat& resting() const { return resting_; }
 
@@ -103,6 +105,7 @@ class Tracker {
   std::vector<std::pair<int, int>> places_found_;
   std::vector<int> votes_;
   std::size_t bundle_due_ = 0;  // frame index
+  std::size_t adjustments_ = 0;
   Frame last_;
   SE3<double> velocity_;  // T_c_last
   bool initialised_ = false;
