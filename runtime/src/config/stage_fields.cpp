@@ -56,6 +56,7 @@ void list(FieldList& f, SegmenterOptions& o) {
 
 void list(FieldList& f, MaskKeeperOptions& o) {
   f("max_age", o.max_age, "frames", "frames that a mask outlives its last detection", kCount);
+  f("max_seconds", o.max_seconds, "s", "time that it does so instead; 0: max_age counts", kNotNegative);
   f("points", o.points, "corners", "corners that carry a mask", between(1, 10000));
   f("min_points", o.min_points, "corners", "corners followed below which a mask is dropped", from(1));
   f("depth_margin", o.depth_margin, "m", "margin around an object's depth that may be its own", kNotNegative);
