@@ -116,6 +116,12 @@ void list(FieldList& f, SemanticMapperOptions& o) {
   f.table("occupancy", o.occupancy);
 }
 
+void list(FieldList& f, LiveOptions& o) {
+  f("queue", o.queue, "frames", "frames that wait beside the two at work; one too many drops the oldest",
+    between(1, 1000));
+  f("mask_age", o.mask_age, "s", "time that a network's masks are carried forward at most", kNotNegative);
+}
+
 void list(FieldList& f, RunOptions& o) {
   // left out: sequence: given for each run
   // left out: out: given for each run
@@ -138,7 +144,15 @@ void list(FieldList& f, RunOptions& o) {
   f("save_every", o.save_every, "s", "time after which trajectory and summary so far are written again",
     between(0.1, 3600));
   f("max_broken", o.max_broken, "", "share of broken frames with which a run still succeeds", kShare);
+  f("schedule",
+    choice(o.schedule, {Schedule::deterministic, Schedule::live}, &parse_schedule,
+           [](Schedule schedule) { return to_string(schedule); }),
+    "deterministic: every frame is waited for; live: frames come at their recorded pace, those too many are "
+    "dropped, and results differ between runs");
+  f("live_speed", o.live_speed, "", "pace of a live run, as a multiple of the recorded one",
+    between(0.01, 1000));
   f.section("");
+  f.table("live", o.live);
   f.table("segmentation", o.segmentation);
   f.table("tracker", o.tracker);
   f.table("mapper", o.mapper);

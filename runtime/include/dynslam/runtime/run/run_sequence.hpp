@@ -6,11 +6,13 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "dynslam/eval/trajectory.hpp"
 #include "dynslam/runtime/io/sequence.hpp"
+#include "dynslam/runtime/live.hpp"
 #include "dynslam/runtime/nets/segmentation_stage.hpp"
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
@@ -39,6 +41,11 @@ struct RunOptions {
   /// Share of the frames that may be broken; a run with more fails, its results written. Half: a sequence
   /// that is mostly damaged is not what was meant, whatever can be made of the rest.
   double max_broken = 0.5;
+  /// Live: frames come at the pace at which they were recorded, those too many are dropped, and a network's
+  /// masks come late. The results are then not the same in every run.
+  Schedule schedule = Schedule::deterministic;
+  double live_speed = 1;   ///< of that pace: 2 is twice as fast
+  LiveOptions live;        ///< its functions are not used
   TrackerOptions tracker;  ///< its `dynamics` is set from the one above
   /// How the octree is made; its `resolution` and `max_bytes` are set from those above.
   SemanticMapperOptions mapper = SemanticMapperOptions::of_run();
@@ -59,6 +66,7 @@ struct RunSummary {
   std::size_t tracked = 0;  ///< with a pose in trajectory.txt
   std::size_t lost = 0;     ///< read, but without a pose
   std::size_t broken = 0;   ///< could not be read
+  std::size_t dropped = 0;  ///< came too fast; live alone
   double fps = 0, peak_rss_mb = 0;
   std::map<std::string, StageStatistics> stages;
   std::vector<StampedPose<double>> trajectory;
@@ -66,6 +74,7 @@ struct RunSummary {
   std::vector<std::pair<std::string, MaskVerdict>> masks_rejected;  ///< time stamps of frames, and why
   std::vector<std::string> problems;                                ///< one line each, in order of frames
   bool interrupted = false;
+  std::optional<LiveStatistics> live;  ///< of a live run
 };
 
 /// How a run reads its sequence.
