@@ -52,11 +52,17 @@ void check_images(const cv::Mat& image, const cv::Mat& depth, double t, const Ca
                     cv::typeToString(depth.type())));
 }
 
-RgbdFrame frame_of_images(const cv::Mat& image, const cv::Mat& depth, double t, const CameraConfig& camera) {
-  check_images(image, depth, t, camera);
+RgbdFrame frame_of_images(const cv::Mat& image, const cv::Mat& depth, const TimeStamp& time,
+                          const CameraConfig& camera) {
+  check_images(image, depth, time.t, camera);
   RgbdFrame frame;
-  frame.t = t;
-  frame.stamp = std::isfinite(t) ? fmt::format("{:.6f}", t) : std::string();
+  frame.t = time.t;
+  frame.ns = time.ns;
+  if (time.ns != 0) {
+    frame.stamp = nanosecond_text(time.ns);
+  } else if (std::isfinite(time.t)) {
+    frame.stamp = fmt::format("{:.6f}", time.t);
+  }
   if (image.type() == CV_8UC3) {
     frame.bgr = image.clone();
   } else {

@@ -178,7 +178,7 @@ void LiveSlam::State::prepare(Item& item) {
   RgbdFrame& frame = item.frame;
   if (!item.image.empty()) {
     const double delay = frame.depth_delay;
-    frame = frame_of_images(item.image, item.depth, frame.t, camera);
+    frame = frame_of_images(item.image, item.depth, {frame.t, frame.ns}, camera);
     frame.depth_delay = delay;
     item.image.release();
     item.depth.release();
@@ -203,6 +203,7 @@ void LiveSlam::State::track(Item& item) {
   LiveResult result;
   result.index = item.index;
   result.t = item.frame.t;
+  result.ns = item.frame.ns;
   result.stamp = item.frame.stamp;
   result.mask_age = item.mask_age;
   result.network_ms = item.network_ms;
@@ -237,10 +238,21 @@ LiveSlam::LiveSlam(const CameraConfig& camera, const SlamOptions& options, const
 LiveSlam::~LiveSlam() = default;
 
 void LiveSlam::push(const cv::Mat& image, const cv::Mat& depth, double t, double depth_delay) {
+  push_images(image, depth, {t, 0}, depth_delay);
+}
+
+void LiveSlam::push(const cv::Mat& image, const cv::Mat& depth, std::chrono::nanoseconds t,
+                    double depth_delay) {
+  push_images(image, depth, time_of(t.count()), depth_delay);
+}
+
+void LiveSlam::push_images(const cv::Mat& image, const cv::Mat& depth, const TimeStamp& time,
+                           double depth_delay) {
   const std::lock_guard one(state_->pushing);
-  check_images(image, depth, t, state_->camera);
+  check_images(image, depth, time.t, state_->camera);
   State::Item item;
-  item.frame.t = t;
+  item.frame.t = time.t;
+  item.frame.ns = time.ns;
   item.frame.depth_delay = depth_delay;
   check_times(item.frame, state_->last_t);
   item.image = image.clone();

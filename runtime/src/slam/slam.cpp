@@ -5,6 +5,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/saved_map.hpp"
+#include "dynslam/runtime/io/time_stamp.hpp"
 #include "io/argument_check.hpp"
 #include "io/frame_of_images.hpp"
 #include "io/input_check.hpp"
@@ -56,6 +57,7 @@ struct Slam::State {
 
   struct FramePose {  // of a tracked frame, relative to its keyframe
     double t;
+    std::int64_t ns;
     int reference;
     SE3<double> T_c_reference;
     bool keyframe;
@@ -73,7 +75,7 @@ struct Slam::State {
     for (const FramePose& frame : frames) {
       if (keyframes_alone && !frame.keyframe) continue;
       const SE3<double> T_reference = tracker->map().pose(frame.reference);
-      result.push_back({frame.t, (frame.T_c_reference * T_reference).inverse()});
+      result.push_back({frame.t, (frame.T_c_reference * T_reference).inverse(), frame.ns});
     }
     return result;
   }
@@ -103,12 +105,23 @@ Slam::~Slam() = default;
 
 TrackResult Slam::track(const cv::Mat& image, const cv::Mat& depth, double t,
                         const std::optional<Masks>& prior, double depth_delay) {
-  RgbdFrame frame = frame_of_images(image, depth, t, state_->camera);
+  RgbdFrame frame = frame_of_images(image, depth, {t, 0}, state_->camera);
   frame.depth_delay = depth_delay;
+  return track_new(frame, prior);
+}
+
+TrackResult Slam::track_new(const RgbdFrame& frame, const std::optional<Masks>& prior) {
   if (prior || !state_->network) return track(frame, prior);
   check_input(frame, prior, state_->camera, state_->last_t);  // the network remembers what it has seen
   const FrameMasks segmented = state_->network->segment(frame, state_->seen);
   return track(frame, segmented.masks);
+}
+
+TrackResult Slam::track(const cv::Mat& image, const cv::Mat& depth, std::chrono::nanoseconds t,
+                        const std::optional<Masks>& prior, double depth_delay) {
+  RgbdFrame frame = frame_of_images(image, depth, time_of(t.count()), state_->camera);
+  frame.depth_delay = depth_delay;
+  return track_new(frame, prior);
 }
 
 TrackResult Slam::track(const RgbdFrame& frame, const std::optional<Masks>& prior) {
@@ -121,7 +134,8 @@ TrackResult Slam::track(const RgbdFrame& frame, const std::optional<Masks>& prio
   s.journal.begin(*s.tracker);
   s.step([&] {
     result = s.tracker->track(frame, prior);
-    if (result.ok()) s.frames.push_back({frame.t, result.reference, result.T_c_reference, result.keyframe});
+    if (result.ok())
+      s.frames.push_back({frame.t, frame.ns, result.reference, result.T_c_reference, result.keyframe});
     if (!result.keyframe || !s.octree) return;
     s.octree->insert(result, frame, prior);
     if (result.loop) s.octree->follow(s.tracker->map());

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <opencv2/core.hpp>
@@ -9,6 +11,7 @@
 #include <string>
 #include <string_view>
 
+#include "dynslam/runtime/io/time_stamp.hpp"
 #include "dynslam/runtime/slam.hpp"
 
 namespace dynslam::runtime {
@@ -25,6 +28,7 @@ enum class Schedule {
 struct LiveResult {
   std::size_t index = 0;  ///< of the frame among those pushed, from 0; what is left out was dropped
   double t = 0;           ///< its time [s]
+  std::int64_t ns = 0;    ///< the same in nanoseconds, as it was pushed; 0: unknown
   std::string stamp;      ///< its time as text, as it was pushed or with 6 decimals
   TrackResult track;
   double latency = 0;  ///< from push() until now [s]
@@ -83,6 +87,8 @@ class LiveSlam {
   /// Hands over a frame, see Slam::track(). Never waits for the tracking; the images are copied. One thread
   /// at a time. @throws InputError with what it got and what was expected; what another thread met
   void push(const cv::Mat& image, const cv::Mat& depth, double t, double depth_delay = 0);
+  /// The same with a time that keeps its nanoseconds.
+  void push(const cv::Mat& image, const cv::Mat& depth, std::chrono::nanoseconds t, double depth_delay = 0);
   /// The same for a frame in the form that Slam keeps, with masks of its own where it has them. Its images
   /// must not change afterwards.
   void push(const RgbdFrame& frame, const std::optional<Masks>& prior = std::nullopt);
@@ -99,6 +105,7 @@ class LiveSlam {
 
  private:
   struct State;
+  void push_images(const cv::Mat& image, const cv::Mat& depth, const TimeStamp& time, double depth_delay);
   std::unique_ptr<State> state_;
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -65,6 +66,9 @@ class Slam {
   /// @throws InputError with what it got and what was expected, with nothing changed
   TrackResult track(const cv::Mat& image, const cv::Mat& depth, double t,
                     const std::optional<Masks>& prior = std::nullopt, double depth_delay = 0);
+  /// The same with a time that keeps its nanoseconds; trajectory() has them beside the seconds.
+  TrackResult track(const cv::Mat& image, const cv::Mat& depth, std::chrono::nanoseconds t,
+                    const std::optional<Masks>& prior = std::nullopt, double depth_delay = 0);
   /// The same for a frame that was prepared elsewhere. Its images are kept and must not change afterwards.
   TrackResult track(const RgbdFrame& frame, const std::optional<Masks>& prior = std::nullopt);
 
@@ -98,6 +102,8 @@ class Slam {
 
  private:
   struct State;
+  /// Of a frame that nobody has prepared: asks the network where there is one.
+  TrackResult track_new(const RgbdFrame& frame, const std::optional<Masks>& prior);
   std::unique_ptr<State> state_;
 };
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <opencv2/core/types.hpp>
 #include <optional>
@@ -20,6 +21,7 @@ struct FrameRecord {
          t_depth = 0;  ///< [s]; of depth, when it was taken: CameraConfig::depth_time_offset is off
   std::string stamp;   ///< colour time or number as the folder prints it; names masks and results
   std::filesystem::path rgb, depth;
+  std::int64_t ns{};       ///< t_rgb in nanoseconds, as it was recorded; 0: unknown
   cv::Size colour_size{};  ///< of the colour file [px] where it is to be scaled to the camera's; else empty
 };
 
