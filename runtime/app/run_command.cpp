@@ -190,6 +190,18 @@ std::string accuracy(const rt::RunOptions& options, const rt::RunSummary& summar
   }
 }
 
+/// Maps that were begun after a loss and have stayed beside.
+std::string separate_report(const rt::RunSummary& summary) {
+  std::string text;
+  for (const rt::SeparateTrajectory& map : summary.separate) {
+    text += fmt::format(
+        "{} of the lost frames have poses in a map of their own, whose place was never recognised: "
+        "trajectory_map{}.txt\n",
+        map.poses.size(), map.map);
+  }
+  return text;
+}
+
 /// What a live run dropped, and how late the rest was.
 std::string live_report(const rt::RunSummary& summary) {
   if (!summary.live) return {};
@@ -211,7 +223,7 @@ int run_sequence(const rt::RunOptions& options) {
   std::cout << fmt::format("{} of {} frames tracked ({} lost, {} broken), {:.1f} frames/s; results in {}\n",
                            summary.tracked, summary.frames, summary.lost, summary.broken, summary.fps,
                            options.out.string())
-            << live_report(summary) << accuracy(options, summary);
+            << separate_report(summary) << live_report(summary) << accuracy(options, summary);
   return summary.interrupted ? interrupted() : 0;
 }
 

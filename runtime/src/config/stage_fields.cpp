@@ -122,6 +122,19 @@ void list(FieldList& f, LiveOptions& o) {
   f("mask_age", o.mask_age, "s", "time that a network's masks are carried forward at most", kNotNegative);
 }
 
+void list(FieldList& f, NewMapOptions& o) {
+  f("begin", o.begin, "", "begin a new map after a loss that lasts, joined when the place is recognised");
+  f("after", o.after, "s", "time that the camera is lost before", kNotNegative);
+  f("agreeing", o.agreeing, "frames",
+    "frames in a row in which both maps must agree where one lies in the other", from(1));
+  f("agreement", o.agreement, "m", "distance between two such placings of the camera that counts as the same",
+    kPositive);
+  f("agreement_turn", o.agreement_turn, "rad", "and turn", kPositive);
+  f("patience", o.patience, "frames",
+    "frames in which they may disagree before the new map is left alone until a keyframe", from(1));
+  f("scans", o.scans, "keyframes", "keyframes of a new map that are kept for the octree", between(2, 100000));
+}
+
 void list(FieldList& f, RunOptions& o) {
   // left out: sequence: given for each run
   // left out: out: given for each run
@@ -153,6 +166,7 @@ void list(FieldList& f, RunOptions& o) {
     between(0.01, 1000));
   f.section("");
   f.table("live", o.live);
+  f.table("new_map", o.new_map);
   f.table("segmentation", o.segmentation);
   f.table("tracker", o.tracker);
   f.table("mapper", o.mapper);

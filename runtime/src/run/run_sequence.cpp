@@ -65,7 +65,12 @@ SlamOptions slam_options(const RunOptions& options) {
   result.seed = options.seed;
   result.tracker = options.tracker;
   result.mapper = options.mapper;
+  result.new_map = options.new_map;
   return result;
+}
+
+fs::path separate_file(const fs::path& out, int map) {
+  return out / fmt::format("trajectory_map{}.txt", map);
 }
 
 /// A run: its parts, and what it has so far.
@@ -101,6 +106,7 @@ class Run {
   void count_missing_masks();
   void judge_broken();
   void save_progress();
+  void take_trajectories();
   void write_files();
   void write_summary();
 
@@ -170,6 +176,8 @@ void Run::prepare_outputs() {
   make_folder(options_.out);
   write_file(options_.out / "config.toml", config_file(options_));
   write_summary();
+  for (int map = 2; fs::remove(separate_file(options_.out, map)); ++map) {  // of an earlier run
+  }
   if (options_.save_masks) make_folder(options_.out / "masks");
   // For all text files at once, the trajectory beside the one that it replaces.
   constexpr std::uint64_t kPerFrame = 700, kOthers = 1 << 18;  // bytes
@@ -298,7 +306,7 @@ void Run::save(const std::atomic<bool>& stop) {
   attempt([&] { slam_->finish(); });
   if (unlisted_ > 0) summary_.problems.push_back(fmt::format("and {} more problems", unlisted_));
   if (reserve_) reserve_->release();
-  summary_.trajectory = slam_->trajectory();
+  take_trajectories();
   write_files();
   if (options_.map && slam_->whole()) attempt([&] { slam_->save_octree(options_.out); });
   if (!options_.save_map.empty()) attempt([&] { slam_->save(options_.save_map); });
@@ -308,9 +316,22 @@ void Run::save(const std::atomic<bool>& stop) {
   attempt([&] { write_summary(); });
 }
 
+/// What was tracked. Frames that were lost have poses after all where a map that was begun meanwhile was
+/// joined.
+void Run::take_trajectories() {
+  summary_.trajectory = slam_->trajectory();
+  summary_.separate = slam_->separate_trajectories();
+  const std::size_t later =
+      summary_.trajectory.size() - std::min(summary_.trajectory.size(), summary_.tracked);
+  summary_.tracked += later;
+  summary_.lost -= std::min(later, summary_.lost);
+}
+
 void Run::write_files() {
   attempt([&] { write_trajectory(options_.out / "trajectory.txt", summary_.trajectory); });
   attempt([&] { write_trajectory(options_.out / "keyframes.txt", slam_->keyframe_trajectory()); });
+  for (const SeparateTrajectory& map : summary_.separate)
+    attempt([&] { write_trajectory(separate_file(options_.out, map.map), map.poses); });
   attempt([&] { timings_.write(options_.out / "timings.csv"); });
   attempt([&] { write_summary(); });
 }

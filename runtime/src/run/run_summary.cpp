@@ -59,6 +59,9 @@ std::string summary_json(const RunOptions& options, const CameraConfig& camera, 
   j["problems"] = s.problems;
   for (const auto& [name, value] : s.stages)
     j["stages"][name] = {{"median_ms", value.median_ms}, {"p95_ms", value.p95_ms}};
+  j["separate_maps"] = nlohmann::json::array();
+  for (const SeparateTrajectory& map : s.separate)
+    j["separate_maps"].push_back({{"map", map.map}, {"frames", map.poses.size()}});
   j["loops"] = nlohmann::json::array();
   for (const LoopClosing& loop : s.loops) {
     j["loops"].push_back({{"keyframe", loop.keyframe},

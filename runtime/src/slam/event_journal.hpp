@@ -22,6 +22,8 @@ class EventJournal {
   void begin(const Tracker& tracker);
   /// After it. @param result  of the frame; null where there was none
   void note(const Tracker& tracker, double t, const TrackResult* result);
+  void begun(const MapBegunEvent& event) { add(events_.map_begun, event); }
+  void joined(const MapJoinedEvent& event) { add(events_.map_joined, event); }
   /// The camera is lost in a map that was loaded, and nobody was told.
   void loaded() { lost_ = true; }
   /// Calls the user's functions. @throws what they throw

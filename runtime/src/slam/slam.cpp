@@ -10,7 +10,9 @@
 #include "io/frame_of_images.hpp"
 #include "io/input_check.hpp"
 #include "slam/event_journal.hpp"
+#include "slam/frame_poses.hpp"
 #include "slam/run_map.hpp"
+#include "slam/separate_maps.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -51,17 +53,10 @@ struct Slam::State {
       : camera(c),
         options(with_noise_of(c, o)),
         tracker(std::make_unique<Tracker>(c, tracker_options(options))),
-        journal(o.events) {
+        journal(o.events),
+        separate(std::make_unique<SeparateMaps>(c, tracker_options(options), o.new_map, o.map)) {
     if (o.map) octree = std::make_unique<RunMap>(c, mapper_options(options));
   }
-
-  struct FramePose {  // of a tracked frame, relative to its keyframe
-    double t;
-    std::int64_t ns;
-    int reference;
-    SE3<double> T_c_reference;
-    bool keyframe;
-  };
 
   /// Runs what leaves the map in pieces where it throws.
   template <class Step>
@@ -70,15 +65,8 @@ struct Slam::State {
     work();
     whole = before;
   }
-  [[nodiscard]] std::vector<StampedPose<double>> poses(bool keyframes_alone) const {
-    std::vector<StampedPose<double>> result;
-    for (const FramePose& frame : frames) {
-      if (keyframes_alone && !frame.keyframe) continue;
-      const SE3<double> T_reference = tracker->map().pose(frame.reference);
-      result.push_back({frame.t, (frame.T_c_reference * T_reference).inverse(), frame.ns});
-    }
-    return result;
-  }
+  /// Has a map that was begun while the camera was lost become part of the main one.
+  void join(SeparateMap& map, double t);
 
   CameraConfig camera;
   SlamOptions options;
@@ -86,12 +74,28 @@ struct Slam::State {
   EventJournal journal;
   std::unique_ptr<RunMap> octree;
   std::unique_ptr<FrameSegmenter> network;
-  std::vector<FramePose> frames;
+  std::unique_ptr<SeparateMaps> separate;
+  FramePoses frames;
   std::size_t seen = 0;  // frames
   std::optional<double> last_t;
   SavedScans loaded;
   bool whole = true;
 };
+
+void Slam::State::join(SeparateMap& map, double t) {
+  map.tracker().finish();
+  const int first = tracker->adopt(map.tracker().map(), map.T_main_w());
+  frames.take(map.frames(), first);
+  if (octree) {
+    for (const SeparateMap::Scan& scan : map.scans()) {
+      TrackResult result = scan.result;
+      result.reference += first;
+      result.T_w_c = tracker->map().pose(result.reference).inverse();
+      octree->insert(result, scan.frame, scan.prior);
+    }
+  }
+  journal.joined({t, map.number, map.frames().size(), map.T_main_w()});
+}
 
 Slam::Slam(const CameraConfig& camera, const SlamOptions& options)
     : state_(std::make_unique<State>(camera, options)) {
@@ -134,13 +138,18 @@ TrackResult Slam::track(const RgbdFrame& frame, const std::optional<Masks>& prio
   s.journal.begin(*s.tracker);
   s.step([&] {
     result = s.tracker->track(frame, prior);
-    if (result.ok())
-      s.frames.push_back({frame.t, frame.ns, result.reference, result.T_c_reference, result.keyframe});
+    if (result.ok()) s.frames.add(frame, result);
     if (!result.keyframe || !s.octree) return;
     s.octree->insert(result, frame, prior);
     if (result.loop) s.octree->follow(s.tracker->map());
   });
   s.journal.note(*s.tracker, frame.t, &result);
+  s.step([&] {
+    const int begun = s.separate->begun();
+    const std::unique_ptr<SeparateMap> joined = s.separate->see(frame, prior, result);
+    if (s.separate->begun() != begun) s.journal.begun({frame.t, result.separate->map});
+    if (joined) s.join(*joined, frame.t);
+  });
   s.journal.tell();
   return result;
 }
@@ -151,6 +160,7 @@ void Slam::finish() {
   s.journal.begin(*s.tracker);
   s.step([&s] {
     s.tracker->finish();
+    s.separate->finish();
     if (!s.octree) return;
     s.octree->follow(s.tracker->map());
     s.octree->finish();
@@ -160,11 +170,20 @@ void Slam::finish() {
 }
 
 std::vector<StampedPose<double>> Slam::trajectory() const {
-  return state_->poses(false);
+  return state_->frames.poses(state_->tracker->map(), false);
 }
 
 std::vector<StampedPose<double>> Slam::keyframe_trajectory() const {
-  return state_->poses(true);
+  return state_->frames.poses(state_->tracker->map(), true);
+}
+
+std::vector<SeparateTrajectory> Slam::separate_trajectories() const {
+  std::vector<SeparateTrajectory> result;
+  for (const auto& map : state_->separate->maps()) {
+    if (map->frames().size() > 0)
+      result.push_back({map->number, map->frames().poses(map->tracker().map(), false)});
+  }
+  return result;
 }
 
 const LocalMap& Slam::map() const {

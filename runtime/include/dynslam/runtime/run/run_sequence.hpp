@@ -46,6 +46,7 @@ struct RunOptions {
   Schedule schedule = Schedule::deterministic;
   double live_speed = 1;   ///< of that pace: 2 is twice as fast
   LiveOptions live;        ///< its functions are not used
+  NewMapOptions new_map;   ///< what a loss that lasts begins
   TrackerOptions tracker;  ///< its `dynamics` is set from the one above
   /// How the octree is made; its `resolution` and `max_bytes` are set from those above.
   SemanticMapperOptions mapper = SemanticMapperOptions::of_run();
@@ -75,13 +76,17 @@ struct RunSummary {
   std::vector<std::string> problems;                                ///< one line each, in order of frames
   bool interrupted = false;
   std::optional<LiveStatistics> live;  ///< of a live run
+  /// Of `lost`, frames that have a pose in a map of their own, whose place was never recognised:
+  /// trajectory_map<number>.txt.
+  std::vector<SeparateTrajectory> separate;
 };
 
 /// How a run reads its sequence.
 [[nodiscard]] SequenceOptions sequence_options(const RunOptions& options);
 
 /// Runs a sequence and writes config.toml (see options_file.hpp) at once, then trajectory.txt, keyframes.txt,
-/// map.ot (and map_color.ot for octovis), timings.csv, summary.json and masks/ into `options.out`. What was
+/// map.ot (and map_color.ot for octovis), timings.csv, summary.json and masks/ into `options.out`, and
+/// trajectory_map2.txt, ... of maps that were begun after a loss and never joined. What was
 /// computed is saved also when `stop` becomes true midway; trajectory.txt and summary.json are written as the
 /// run goes, see docs/reliability.md. A map that was loaded is never saved poorer than it was: what a failed
 /// run has is added to it where that is whole, and else the saved map stays.

@@ -41,17 +41,33 @@ struct FoundEvent {
   SE3<double> T_w_c;
 };
 
+/// The camera has been lost for long, and a map of its own was begun; see NewMapOptions.
+struct MapBegunEvent {
+  double t = 0;  ///< time of its first frame [s]
+  int map = 0;   ///< its number, from 2
+};
+
+/// Such a map has become part of the main one: the place was recognised.
+struct MapJoinedEvent {
+  double t = 0;  ///< [s]
+  int map = 0;
+  std::size_t frames = 0;    ///< which trajectory() has from now on
+  SE3<double> T_w_separate;  ///< where its world lies in the main one
+};
+
 /// What a system says of itself, beside each frame's result. The functions are called on the thread that
 /// calls track() or finish(), at the end of that call, in this order: adjusted, lost or found, keyframe,
-/// loop. The same frames give the same calls. A function may look at the system, and must not track, finish,
-/// load or reset it (UsageError). What it throws leaves track(): the map is whole and has the frame, whose
-/// result is lost; events that were not told yet come with the next call.
+/// loop, map_begun, map_joined. The same frames give the same calls. A function may look at the system, and
+/// must not track, finish, load or reset it (UsageError). What it throws leaves track(): the map is whole and
+/// has the frame, whose result is lost; events that were not told yet come with the next call.
 struct SlamEvents {
   std::function<void(const KeyframeEvent&)> keyframe{};
   std::function<void(const LoopEvent&)> loop{};
   std::function<void(const AdjustedEvent&)> adjusted{};
   std::function<void(const LostEvent&)> lost{};
   std::function<void(const FoundEvent&)> found{};
+  std::function<void(const MapBegunEvent&)> map_begun{};
+  std::function<void(const MapJoinedEvent&)> map_joined{};
 };
 
 }  // namespace dynslam::runtime

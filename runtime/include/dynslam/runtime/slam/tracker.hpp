@@ -43,6 +43,10 @@ class Tracker {
   /// Goes on in an earlier map: the camera is lost until it finds itself there. Call it before track().
   void load(LocalMap map);
 
+  /// Takes in another tracker's map, whose world T_w_other places in this one's. @return id of its first
+  /// keyframe here
+  int adopt(const LocalMap& other, const SE3<double>& T_w_other);
+
   /// Uses what is still being adjusted. Call it at the end, before poses are read from the map.
   void finish();
 
