@@ -193,6 +193,29 @@ std::string accuracy(const rt::RunOptions& options, const rt::Sequence& sequence
   }
 }
 
+/// Maps that were begun after a loss and have stayed beside.
+std::string separate_report(const rt::RunSummary& summary) {
+  std::string text;
+  for (const rt::SeparateTrajectory& map : summary.separate) {
+    text += fmt::format(
+        "{} of the lost frames have poses in a map of their own, whose place was never recognised: "
+        "trajectory_map{}.txt\n",
+        map.poses.size(), map.map);
+  }
+  return text;
+}
+
+/// What a live run dropped, and how late the rest was.
+std::string live_report(const rt::RunSummary& summary) {
+  if (!summary.live) return {};
+  const rt::LiveStatistics& s = *summary.live;
+  return fmt::format(
+      "live: {} of {} frames dropped; latency median {:.1f}, 95 % {:.1f}, max {:.1f} ms. What is dropped "
+      "depends "
+      "on the machine: another run has other results\n",
+      s.dropped, s.pushed, 1000 * s.latency_median, 1000 * s.latency_p95, 1000 * s.latency_max);
+}
+
 int run_sequence(const rt::RunOptions& options) {
   stop_on_signals();
   rt::Sequence sequence;
@@ -210,7 +233,7 @@ int run_sequence(const rt::RunOptions& options) {
   std::cout << fmt::format("{} of {} frames tracked ({} lost, {} broken), {:.1f} frames/s; results in {}\n",
                            summary.tracked, summary.frames, summary.lost, summary.broken, summary.fps,
                            options.out.string())
-            << accuracy(options, sequence, summary);
+            << separate_report(summary) << live_report(summary) << accuracy(options, sequence, summary);
   return summary.interrupted ? interrupted() : 0;
 }
 
@@ -252,6 +275,13 @@ RunCommand::RunCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
           "geometric)")
       ->check(CLI::IsMember({"none", "semantic", "geometric", "both"}));
   o.command->add_flag("--save-masks", o.run.save_masks, "Write the dynamic masks (255 = dynamic)");
+  o.command->add_flag_callback(
+      "--live", [&o] { o.run.schedule = rt::Schedule::live; },
+      "As from a camera: frames come at their recorded pace, late ones are dropped; results differ between "
+      "runs");
+  o.command->add_option("--live-speed", o.run.live_speed, "Pace of --live, as a multiple of the recorded one")
+      ->capture_default_str()
+      ->check(number_in(0.01, 1000));
 }
 
 RunCommand::~RunCommand() = default;

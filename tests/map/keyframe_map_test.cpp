@@ -282,3 +282,60 @@ TEST_CASE_TEMPLATE("culled keyframes are dropped, and what is left is where it w
     CHECK(map.points()[p].keyframes == observers);
   }
 }
+
+TEST_CASE_TEMPLATE(
+    "a map that is taken in lies where it is placed, sees what it saw, and changes nothing here", S, float,
+    double) {
+  test::Rng rng("append");
+  const KeyframeMap<S> a = random_map<S>(rng);
+  KeyframeMap<S> b = random_map<S>(rng);
+  for (auto& p : b.points()) {
+    p.p_w = Eigen::Matrix<S, 3, 1>(S(rng.uniform(-2, 2)), S(rng.uniform(-2, 2)), S(rng.uniform(1, 5)));
+    p.viewing = p.p_w.normalized();
+  }
+  Eigen::Matrix<S, 6, 1> xi;
+  xi << S(3), S(-1), S(0.5), S(0.4), S(-0.7), S(1.1);
+  const SE3<S> T = SE3<S>::exp(xi);
+  KeyframeMap<S> both = a;
+  const int first = both.append(b, T), points = static_cast<int>(a.points().size());
+  CHECK(first == static_cast<int>(a.keyframes().size()));
+  REQUIRE(both.keyframes().size() == a.keyframes().size() + b.keyframes().size());
+  REQUIRE(both.points().size() == a.points().size() + b.points().size());
+  for (int k = 0; k < first; ++k) {
+    CHECK(both.keyframe(k).frame.point == a.keyframe(k).frame.point);
+    CHECK(both.pose(k).matrix() == a.pose(k).matrix());
+  }
+  for (int k = 0; k <= b.newest(); ++k) {
+    CHECK(both.keyframe(first + k).id == first + k);
+    CHECK(both.keyframe(first + k).culled() == b.keyframe(k).culled());
+    CHECK((both.pose(first + k).matrix() - (b.pose(k) * T.inverse()).matrix()).norm() < S(1e-4));
+    std::set<int> expected;
+    for (const int p : shown(b, b.keyframe(k).frame.point)) expected.insert(p + points);
+    CHECK(shown(both, both.keyframe(first + k).frame.point) == expected);
+  }
+  for (int p = 0; p < static_cast<int>(b.points().size()); ++p) {
+    const auto &was = b.point(p), &now = both.point(points + p);
+    CHECK((now.p_w - T * was.p_w).norm() < S(1e-4));
+    CHECK(now.viewing.dot(T.so3() * was.viewing) == doctest::Approx(1).epsilon(1e-4));
+    CHECK(now.bad == was.bad);
+    CHECK(both.present(points + p) == (b.present(p) < 0 ? -1 : points + b.present(p)));
+    for (std::size_t i = 0; i < was.keyframes.size(); ++i)
+      CHECK(now.keyframes[i] == first + was.keyframes[i]);
+  }
+}
+
+TEST_CASE("the image that a point's patch is from is named by its new id") {
+  struct Origin {
+    int keyframe = -1;
+  };
+  KeyframeMap<double, Origin> a, b;
+  (void)a.add_keyframe(frame_that_sees<double>({}, 0.0));
+  MapPoint<double, Origin> known, unknown;
+  known.patch.keyframe = 0;
+  (void)b.add_point(known);
+  (void)b.add_point(unknown);
+  (void)b.add_keyframe(frame_that_sees<double>({0, 1}, 0.0));
+  CHECK(a.append(b, {}) == 1);
+  CHECK(a.point(0).patch.keyframe == 1);
+  CHECK(a.point(1).patch.keyframe == -1);
+}

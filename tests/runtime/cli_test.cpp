@@ -108,6 +108,18 @@ TEST_CASE("a sequence is enough to start: no network means geometry, results hav
   CHECK_FALSE(std::filesystem::exists(out / "map.ot"));
 }
 
+TEST_CASE("a live run says what it dropped, how late the rest was, and that another one will differ") {
+  const dynslam::test::WalkingSequence sequence(6);
+  const dynslam::test::TemporaryFolder folder;
+  const std::string run = "run " + sequence.path.string() + " --no-map --out " + folder.path.string();
+  const ProgramResult r = call(run + " --live --live-speed 20");
+  CHECK(r.code == 0);
+  CHECK(r.out.find(" of 6 frames dropped; latency median ") != std::string::npos);
+  CHECK(r.out.find("another run has other results") != std::string::npos);
+  check_one_line_error(run + " --live --live-speed 0", 2, "--live-speed: '0' is not a number");
+  CHECK(call(run).out.find("dropped") == std::string::npos);
+}
+
 TEST_CASE("a sequence without anything to track ends with an error, and its files are there") {
   const dynslam::test::TumFixture tum(3);
   const ProgramResult r =

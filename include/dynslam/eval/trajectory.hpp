@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <numbers>
@@ -22,11 +23,12 @@
 namespace dynslam {
 
 /// A camera pose at a time [s]. Time is double whatever the scalar of the pose: seconds since 1970 in float
-/// are multiples of 128.
+/// are multiples of 128, in double of 238 ns, so what nanoseconds are known stand beside it.
 template <std::floating_point S>
 struct StampedPose {
   double t;
   SE3<S> T_w_c;
+  std::int64_t ns{};  ///< the same time in nanoseconds, as it was recorded; 0: unknown
 };
 
 /// Pairs (index in a, index in b) by TUM's greedy rule: all candidate pairs closer than `max_difference`

@@ -142,6 +142,32 @@ class KeyframeMap {
     return keyframe;
   }
 
+  /// Takes in the keyframes and points of another map, whose world T_world_other places in this one's; they
+  /// get the next ids, their order stays. Points that both maps have stay two.
+  /// @return id of its first keyframe here
+  int append(KeyframeMap other, const SE3<S>& T_world_other) {
+    const int keyframes = static_cast<int>(keyframes_.size()), points = static_cast<int>(points_.size());
+    const SE3<S> T_other_world = T_world_other.inverse();
+    for (PointType& p : other.points_) {
+      p.p_w = T_world_other * p.p_w;
+      p.viewing = T_world_other.so3() * p.viewing;
+      if (p.merged_into >= 0) p.merged_into += points;
+      for (int& k : p.keyframes) k += keyframes;
+      if constexpr (requires { p.patch.keyframe; }) {
+        if (p.patch.keyframe >= 0) p.patch.keyframe += keyframes;
+      }
+      points_.push_back(std::move(p));
+    }
+    for (KeyframeType& k : other.keyframes_) {
+      k.id += keyframes;
+      if (k.parent >= 0) k.parent += keyframes;
+      k.frame.T_c_w = k.frame.T_c_w * T_other_world;
+      for (int& p : k.frame.point) p = p >= 0 ? p + points : p;
+      keyframes_.push_back(std::move(k));
+    }
+    return keyframes;
+  }
+
   /// Frees the bad points: ids change, their order does not.
   /// @return per old id the new one of the point that stands for it, -1: none
   std::vector<int> drop_bad_points() {

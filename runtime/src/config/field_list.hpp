@@ -86,6 +86,8 @@ void list(FieldList& f, LoopOptions& o);
 void list(FieldList& f, PlaceOptions& o);
 void list(FieldList& f, SemanticMapperOptions& o);
 void list(FieldList& f, SegmentationStageOptions& o);
+void list(FieldList& f, LiveOptions& o);
+void list(FieldList& f, NewMapOptions& o);
 void list(FieldList& f, RunOptions& o);
 
 template <class S>

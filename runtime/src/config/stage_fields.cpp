@@ -56,6 +56,7 @@ void list(FieldList& f, SegmenterOptions& o) {
 
 void list(FieldList& f, MaskKeeperOptions& o) {
   f("max_age", o.max_age, "frames", "frames that a mask outlives its last detection", kCount);
+  f("max_seconds", o.max_seconds, "s", "time that it does so instead; 0: max_age counts", kNotNegative);
   f("points", o.points, "corners", "corners that carry a mask", between(1, 10000));
   f("min_points", o.min_points, "corners", "corners followed below which a mask is dropped", from(1));
   f("depth_margin", o.depth_margin, "m", "margin around an object's depth that may be its own", kNotNegative);
@@ -115,6 +116,25 @@ void list(FieldList& f, SemanticMapperOptions& o) {
   f.table("occupancy", o.occupancy);
 }
 
+void list(FieldList& f, LiveOptions& o) {
+  f("queue", o.queue, "frames", "frames that wait beside the two at work; one too many drops the oldest",
+    between(1, 1000));
+  f("mask_age", o.mask_age, "s", "time that a network's masks are carried forward at most", kNotNegative);
+}
+
+void list(FieldList& f, NewMapOptions& o) {
+  f("begin", o.begin, "", "begin a new map after a loss that lasts, joined when the place is recognised");
+  f("after", o.after, "s", "time that the camera is lost before", kNotNegative);
+  f("agreeing", o.agreeing, "frames",
+    "frames in a row in which both maps must agree where one lies in the other", from(1));
+  f("agreement", o.agreement, "m", "distance between two such placings of the camera that counts as the same",
+    kPositive);
+  f("agreement_turn", o.agreement_turn, "rad", "and turn", kPositive);
+  f("patience", o.patience, "frames",
+    "frames in which they may disagree before the new map is left alone until a keyframe", from(1));
+  f("scans", o.scans, "keyframes", "keyframes of a new map that are kept for the octree", between(2, 100000));
+}
+
 void list(FieldList& f, RunOptions& o) {
   // left out: sequence: given for each run
   // left out: out: given for each run
@@ -138,7 +158,16 @@ void list(FieldList& f, RunOptions& o) {
   f("save_every", o.save_every, "s", "time after which trajectory and summary so far are written again",
     between(0.1, 3600));
   f("max_broken", o.max_broken, "", "share of broken frames with which a run still succeeds", kShare);
+  f("schedule",
+    choice(o.schedule, {Schedule::deterministic, Schedule::live}, &parse_schedule,
+           [](Schedule schedule) { return to_string(schedule); }),
+    "deterministic: every frame is waited for; live: frames come at their recorded pace, those too many are "
+    "dropped, and results differ between runs");
+  f("live_speed", o.live_speed, "", "pace of a live run, as a multiple of the recorded one",
+    between(0.01, 1000));
   f.section("");
+  f.table("live", o.live);
+  f.table("new_map", o.new_map);
   f.table("segmentation", o.segmentation);
   f.table("tracker", o.tracker);
   f.table("mapper", o.mapper);

@@ -37,43 +37,43 @@ cv::Mat depth_in_metres(const cv::Mat& depth, const CameraConfig& camera) {
   return metres;
 }
 
-RgbdFrame frame_of_images(const cv::Mat& image, const cv::Mat& depth, double t, const CameraConfig& camera) {
+void check_images(const cv::Mat& image, const cv::Mat& depth, double t, const CameraConfig& camera) {
   const std::string name = fmt::format("frame at {} s", t);
   check_size(image, "image", name, camera);
   check_size(depth, "depth image", name, camera);
+  if (image.type() != CV_8UC3 && image.type() != CV_8UC4 && image.type() != CV_8UC1)
+    throw InputError(
+        name, 0,
+        fmt::format("the image is {}, not CV_8UC3, CV_8UC4 or CV_8UC1", cv::typeToString(image.type())));
+  if (depth.type() != CV_16UC1 && depth.type() != CV_32FC1)
+    throw InputError(
+        name, 0,
+        fmt::format("the depth image is {}, not CV_16UC1 (units of the camera) or CV_32FC1 (metres)",
+                    cv::typeToString(depth.type())));
+}
+
+RgbdFrame frame_of_images(const cv::Mat& image, const cv::Mat& depth, const TimeStamp& time,
+                          const CameraConfig& camera) {
+  check_images(image, depth, time.t, camera);
   RgbdFrame frame;
-  frame.t = t;
-  frame.stamp = std::isfinite(t) ? fmt::format("{:.6f}", t) : std::string();
-  switch (image.type()) {
-    case CV_8UC3:
-      frame.bgr = image.clone();
-      break;
-    case CV_8UC4:
-      cv::cvtColor(image, frame.bgr, cv::COLOR_BGRA2BGR);
-      break;
-    case CV_8UC1:
-      cv::cvtColor(image, frame.bgr, cv::COLOR_GRAY2BGR);
-      break;
-    default:
-      throw InputError(
-          name, 0,
-          fmt::format("the image is {}, not CV_8UC3, CV_8UC4 or CV_8UC1", cv::typeToString(image.type())));
+  frame.t = time.t;
+  frame.ns = time.ns;
+  if (time.ns != 0) {
+    frame.stamp = nanosecond_text(time.ns);
+  } else if (std::isfinite(time.t)) {
+    frame.stamp = fmt::format("{:.6f}", time.t);
+  }
+  if (image.type() == CV_8UC3) {
+    frame.bgr = image.clone();
+  } else {
+    cv::cvtColor(image, frame.bgr, image.type() == CV_8UC4 ? cv::COLOR_BGRA2BGR : cv::COLOR_GRAY2BGR);
   }
   if (image.type() == CV_8UC1) {
     frame.gray = image.clone();
   } else {
     cv::cvtColor(frame.bgr, frame.gray, cv::COLOR_BGR2GRAY);
   }
-  if (depth.type() == CV_16UC1) {
-    frame.depth = depth_in_metres(depth, camera);
-  } else if (depth.type() == CV_32FC1) {
-    frame.depth = depth.clone();
-  } else {
-    throw InputError(
-        name, 0,
-        fmt::format("the depth image is {}, not CV_16UC1 (units of the camera) or CV_32FC1 (metres)",
-                    cv::typeToString(depth.type())));
-  }
+  frame.depth = depth.type() == CV_16UC1 ? depth_in_metres(depth, camera) : depth.clone();
   return frame;
 }
 

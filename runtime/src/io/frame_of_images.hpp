@@ -4,15 +4,20 @@
 #include <opencv2/core.hpp>
 
 #include "dynslam/runtime/io/camera.hpp"
+#include "dynslam/runtime/io/time_stamp.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
 
 namespace dynslam::runtime {
+
+/// What frame_of_images() would refuse. @throws InputError with the type or size that an image has and what
+/// was expected
+void check_images(const cv::Mat& image, const cv::Mat& depth, double t, const CameraConfig& camera);
 
 /// A frame whose images share nothing with those given.
 /// @param image  CV_8UC3 (BGR), CV_8UC4 (BGRA) or CV_8UC1
 /// @param depth  CV_16UC1 in the camera's units, or CV_32FC1 in metres
 /// @throws InputError with the type or size that an image has and what was expected
-[[nodiscard]] RgbdFrame frame_of_images(const cv::Mat& image, const cv::Mat& depth, double t,
+[[nodiscard]] RgbdFrame frame_of_images(const cv::Mat& image, const cv::Mat& depth, const TimeStamp& time,
                                         const CameraConfig& camera);
 
 /// 16-bit depth in the camera's units as metres, NaN where there is none.

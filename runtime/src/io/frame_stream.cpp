@@ -20,6 +20,7 @@ RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const Camer
   RgbdFrame frame;
   frame.index = index;
   frame.t = record.t_rgb;
+  frame.ns = record.ns;
   frame.depth_delay = record.t_depth - record.t_rgb;
   frame.stamp = record.stamp;
   if (record.colour_size.empty()) {

@@ -17,20 +17,21 @@ std::string describe(int width, int height, int type) {
   return fmt::format("{}x{} {}", width, height, cv::typeToString(type));
 }
 
+[[noreturn]] void refuse(const RgbdFrame& input, const std::string& reason) {
+  throw InputError(input.stamp.empty() ? fmt::format("frame at {} s", input.t) : "frame " + input.stamp, 0,
+                   reason);
+}
+
 }  // namespace
 
 void check_input(const RgbdFrame& input, const std::optional<Masks>& prior, const CameraConfig& camera,
                  const std::optional<double>& last_t) {
-  const auto refuse = [&](const std::string& reason) {
-    throw InputError(input.stamp.empty() ? fmt::format("frame at {} s", input.t) : "frame " + input.stamp, 0,
-                     reason);
-  };
   const auto check = [&](const cv::Mat& image, int type, const char* name) {
     if (image.dims <= 2 && image.cols == camera.width && image.rows == camera.height && image.type() == type)
       return;
-    refuse(fmt::format("the {} is {}, not {} as the camera's images", name,
-                       image.empty() ? "empty" : describe(image.cols, image.rows, image.type()),
-                       describe(camera.width, camera.height, type)));
+    refuse(input, fmt::format("the {} is {}, not {} as the camera's images", name,
+                              image.empty() ? "empty" : describe(image.cols, image.rows, image.type()),
+                              describe(camera.width, camera.height, type)));
   };
   check(input.gray, CV_8UC1, "grey image");
   check(input.depth, CV_32FC1, "depth image");
@@ -41,11 +42,16 @@ void check_input(const RgbdFrame& input, const std::optional<Masks>& prior, cons
     if (!prior->labels.empty()) check(prior->labels, CV_8UC1, "label image");
     if (!prior->instances.empty()) check(prior->instances, CV_16UC1, "instance image");
   }
+  check_times(input, last_t);
+}
+
+void check_times(const RgbdFrame& input, const std::optional<double>& last_t) {
   if (!std::isfinite(input.t) || !std::isfinite(input.depth_delay))
-    refuse(fmt::format("the time {} s or the delay {} s of its depth is not a number", input.t,
-                       input.depth_delay));
+    refuse(input, fmt::format("the time {} s or the delay {} s of its depth is not a number", input.t,
+                              input.depth_delay));
   if (last_t && input.t <= *last_t)
-    refuse(fmt::format("its time {} s does not come after {} s, the frame's before", input.t, *last_t));
+    refuse(input,
+           fmt::format("its time {} s does not come after {} s, the frame's before", input.t, *last_t));
 }
 
 }  // namespace dynslam::runtime

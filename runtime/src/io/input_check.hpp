@@ -15,5 +15,7 @@ namespace dynslam::runtime {
 /// @throws InputError with the frame, what it has and what was expected
 void check_input(const RgbdFrame& input, const std::optional<Masks>& prior, const CameraConfig& camera,
                  const std::optional<double>& last_t);
+/// The part of this that is about times.
+void check_times(const RgbdFrame& input, const std::optional<double>& last_t);
 
 }  // namespace dynslam::runtime

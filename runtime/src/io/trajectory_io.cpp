@@ -7,11 +7,14 @@
 #include <array>
 #include <cmath>
 #include <sstream>
+#include <string>
+#include <string_view>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
+#include "dynslam/runtime/io/time_stamp.hpp"
 #include "io/argument_check.hpp"
 
 namespace dynslam::runtime {
@@ -31,11 +34,15 @@ std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::s
           name, reader.number(),
           fmt::format("expected 8 columns (timestamp tx ty tz qx qy qz qw), found {}", words.size()));
     }
+    const auto refuse = [&](std::string_view word) {
+      throw InputError(name, reader.number(), fmt::format("'{}' is not a finite number", word));
+    };
+    const auto time = parse_time(words[0]);
+    if (!time) refuse(words[0]);
     std::array<double, 8> value{};
-    for (std::size_t i = 0; i < value.size(); ++i) {
+    for (std::size_t i = 1; i < value.size(); ++i) {
       const auto number = parse_number(words[i]);
-      if (!number)
-        throw InputError(name, reader.number(), fmt::format("'{}' is not a finite number", words[i]));
+      if (!number) refuse(words[i]);
       value[i] = *number;
     }
     Eigen::Quaterniond q(value[7], value[4], value[5], value[6]);
@@ -47,7 +54,7 @@ std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::s
     }
     if (!(q.norm() > 1e-6)) throw InputError(name, reader.number(), "the quaternion is zero");
     trajectory.push_back(
-        {value[0], SE3<double>(q.normalized(), Eigen::Vector3d(value[1], value[2], value[3]))});
+        {time->t, SE3<double>(q.normalized(), Eigen::Vector3d(value[1], value[2], value[3])), time->ns});
   }
   if (in.bad()) throw InputError(name, 0, "cannot be read");
   if (trajectory.empty()) throw InputError(name, 0, "holds no poses");
@@ -70,16 +77,22 @@ std::vector<StampedPose<double>> read_trajectory(const std::filesystem::path& pa
 }
 
 void write_trajectory(const std::filesystem::path& path, std::span<const StampedPose<double>> trajectory) {
-  for (const auto& [t, T] : trajectory) {
-    check_argument(std::isfinite(t), "write_trajectory(): a time is not a number");
-    check_pose(T, "write_trajectory(): a pose");
+  for (const StampedPose<double>& pose : trajectory) {
+    check_argument(std::isfinite(pose.t), "write_trajectory(): a time is not a number");
+    check_pose(pose.T_w_c, "write_trajectory(): a pose");
   }
+  // Microseconds, as TUM's files have them, unless a time has more to it.
+  const bool exact =
+      std::any_of(trajectory.begin(), trajectory.end(), [](const auto& pose) { return pose.ns % 1000 != 0; });
   AtomicFile file(path);
   file.stream() << "# timestamp tx ty tz qx qy qz qw\n";
-  for (const auto& [t, T] : trajectory) {
-    const auto& p = T.translation();
-    const auto& q = T.so3().quaternion();
-    file.stream() << fmt::format("{:.6f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f}\n", t, p.x(), p.y(),
+  for (const StampedPose<double>& pose : trajectory) {
+    const auto& p = pose.T_w_c.translation();
+    const auto& q = pose.T_w_c.so3().quaternion();
+    const std::string time = !exact         ? fmt::format("{:.6f}", pose.t)
+                             : pose.ns != 0 ? nanosecond_text(pose.ns)
+                                            : fmt::format("{:.9f}", pose.t);
+    file.stream() << fmt::format("{} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f}\n", time, p.x(), p.y(),
                                  p.z(), q.x(), q.y(), q.z(), q.w());
   }
   file.commit();

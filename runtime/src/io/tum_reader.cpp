@@ -10,14 +10,15 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
+#include "dynslam/runtime/io/time_stamp.hpp"
 
 namespace dynslam::runtime {
 namespace {
 
-double parse_stamp(std::string_view word, const std::string& name, std::size_t line) {
-  const auto t = parse_number(word);
-  if (!t || *t < 0) throw InputError(name, line, fmt::format("'{}' is not a time stamp", word));
-  return *t;
+TimeStamp parse_stamp(std::string_view word, const std::string& name, std::size_t line) {
+  const auto time = parse_time(word);
+  if (!time || time->t < 0) throw InputError(name, line, fmt::format("'{}' is not a time stamp", word));
+  return *time;
 }
 
 void check_increasing(double previous, double t, const std::string& name, std::size_t line) {
@@ -44,9 +45,9 @@ std::vector<ListEntry> parse_list(std::istream& in, const std::string& name) {
       throw InputError(name, reader.number(),
                        fmt::format("expected 2 columns (timestamp file), found {}", words.size()));
     }
-    const double t = parse_stamp(words[0], name, reader.number());
+    const auto [t, ns] = parse_stamp(words[0], name, reader.number());
     if (!list.empty()) check_increasing(list.back().t, t, name, reader.number());
-    list.push_back({t, std::string(words[0]), std::string(words[1])});
+    list.push_back({t, std::string(words[0]), std::string(words[1]), ns});
   }
   if (in.bad()) throw InputError(name, 0, "cannot be read");
   return list;
@@ -65,8 +66,10 @@ std::vector<FrameRecord> parse_associations(std::istream& in, const std::string&
     }
     FrameRecord record;
     const std::size_t rgb = names_depth(words[1]) && !names_depth(words[3]) ? 2 : 0, depth = 2 - rgb;
-    record.t_rgb = parse_stamp(words[rgb], name, reader.number());
-    record.t_depth = parse_stamp(words[depth], name, reader.number());
+    const TimeStamp time = parse_stamp(words[rgb], name, reader.number());
+    record.t_rgb = time.t;
+    record.ns = time.ns;
+    record.t_depth = parse_stamp(words[depth], name, reader.number()).t;
     if (!frames.empty()) check_increasing(frames.back().t_rgb, record.t_rgb, name, reader.number());
     record.stamp = words[rgb];
     record.rgb = words[rgb + 1];

@@ -25,7 +25,7 @@ FrameMasks FrameSegmenter::segment(const RgbdFrame& frame, std::size_t index) {
     out.masks = cache_ ? cache_->masks_of(frame.bgr, segmenter_) : segmenter_.segment(frame.bgr);
   out.network_ms = watch.lap_ms();
   if (options_.keep) {
-    out.masks = keeper_.update(out.masks, frame.gray, frame.depth);
+    out.masks = keeper_.update(out.masks, frame.gray, frame.depth, frame.t);
     out.keeper_ms = watch.lap_ms();
   }
   return out;

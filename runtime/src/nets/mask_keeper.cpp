@@ -79,8 +79,13 @@ void MaskKeeper::refine(cv::Mat& mask, const cv::Mat& depth, float& median) cons
   }
 }
 
+bool MaskKeeper::outdated(Kept& kept, double t) const {
+  if (options_.max_seconds > 0) return t - kept.seen > options_.max_seconds;
+  return ++kept.age > options_.max_age;
+}
+
 bool MaskKeeper::carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) const {
-  if (++kept.age > options_.max_age || gray_.empty()) return false;
+  if (gray_.empty()) return false;
   std::vector<cv::Point2f> from, to;
   cv::goodFeaturesToTrack(gray_, from, options_.points, 0.005, 5, kept.mask);
   if (static_cast<int>(from.size()) < options_.min_points) return false;
@@ -126,7 +131,8 @@ bool MaskKeeper::carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) co
   return true;
 }
 
-Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gray, const cv::Mat& depth) {
+Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gray, const cv::Mat& depth,
+                         double t) {
   check_image(gray, gray_.size(), CV_8UC1, "MaskKeeper::update(): the grey image");
   check_image(depth, gray.size(), CV_32FC1, "MaskKeeper::update(): the depth image");
   if (detected) {
@@ -143,6 +149,7 @@ Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gr
   if (detected) {
     for (cv::Mat& part : parts_of(*detected)) {
       Kept k;
+      k.seen = t;
       refine(part, depth, k.depth);
       if (cv::countNonZero(part) < kSmallest) continue;
       seen |= part;
@@ -155,7 +162,7 @@ Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gr
   const double area = static_cast<double>(gray.total());
   for (Kept& k : kept_) {
     if (cv::countNonZero(k.mask & seen) > options_.redetected * cv::countNonZero(k.mask)) continue;
-    if (!carry(k, gray, depth)) continue;
+    if (outdated(k, t) || !carry(k, gray, depth)) continue;
     if (cv::countNonZero(k.mask & seen) > options_.redetected * cv::countNonZero(k.mask)) continue;
     if (cv::countNonZero(all | k.mask) > options_.max_cover * area) continue;  // it cannot be right
     all |= k.mask;

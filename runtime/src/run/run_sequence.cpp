@@ -8,6 +8,7 @@
 #include <exception>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <utility>
@@ -26,6 +27,7 @@
 #include "io/make_folder.hpp"
 #include "io/process_memory.hpp"
 #include "io/space_reserve.hpp"
+#include "run/recorded_pace.hpp"
 #include "run/run_summary.hpp"
 #include "run/run_timings.hpp"
 
@@ -53,7 +55,9 @@ void check_request(const RunOptions& options) {
 }
 
 SlamOptions slam_options(const RunOptions& options) {
-  SlamOptions result;  // without a network: its masks are made ahead, on a thread of their own
+  SlamOptions result;
+  // Else without a network: its masks are made ahead, on a thread of their own.
+  if (options.schedule == Schedule::live && uses_network(options)) result.network = options.segmentation;
   result.dynamics = options.dynamics;
   result.map = options.map;
   result.map_resolution = options.map_resolution;
@@ -61,7 +65,12 @@ SlamOptions slam_options(const RunOptions& options) {
   result.seed = options.seed;
   result.tracker = options.tracker;
   result.mapper = options.mapper;
+  result.new_map = options.new_map;
   return result;
+}
+
+fs::path separate_file(const fs::path& out, int map) {
+  return out / fmt::format("trajectory_map{}.txt", map);
 }
 
 /// A run: its parts, and what it has so far.
@@ -89,12 +98,17 @@ class Run {
  private:
   void prepare_outputs();
   void note_problem(std::string problem);
+  void start_stages();
   std::optional<SegmentedFrame> next();
   void take(SegmentedFrame& input);
+  void take_live(const RgbdFrame& frame);
+  void note(const std::string& stamp, const TrackResult& result, const RunTimings::Row& times);
+  void save_at_times();
   void report(const std::function<void(const Progress&)>& progress) const;
   void count_missing_masks();
   void judge_broken();
   void save_progress();
+  void take_trajectories();
   void write_files();
   void write_summary();
 
@@ -102,7 +116,8 @@ class Run {
   Sequence sequence_;
   CameraConfig camera_;
   std::optional<MaskSource> masks_;
-  std::unique_ptr<Slam> slam_;
+  std::unique_ptr<Slam> own_slam_;
+  Slam* slam_ = nullptr;  // that one, or that of live_
   std::unique_ptr<FramePreparation> prepare_;
   std::unique_ptr<FrameStream> stream_;
   std::unique_ptr<SegmentationStage> segmentation_;
@@ -114,24 +129,48 @@ class Run {
   std::size_t unlisted_ = 0;  // problems that are not in the summary
   Stopwatch wall_, since_saved_;
   double elapsed_ms_ = 0, unsaved_ms_ = 0;
+  // A live run: its results come on another thread, which has all of the above while it holds the mutex.
+  std::mutex mutex_;
+  RecordedPace pace_;
+  std::unique_ptr<LiveSlam> live_;  // last: its threads use all of the above
 };
 
 Run::Run(const RunOptions& options)
     : options_(options),
       sequence_(load_sequence(options.sequence, sequence_options(options))),
-      camera_(camera_of(sequence_, options.camera)) {
+      camera_(camera_of(sequence_, options.camera)),
+      pace_(options.live_speed) {
   if (uses_semantic(options.dynamics) && !uses_network(options)) masks_.emplace(options.masks, MaskOptions{});
   summary_.interrupted = true;  // until the run has ended
   prepare_outputs();
-  slam_ = std::make_unique<Slam>(camera_, slam_options(options));
-  if (!options.load_map.empty()) slam_->load(options.load_map);
-  if (!options.save_map.empty()) check_map_folder(options.save_map);
-  prepare_ = std::make_unique<FramePreparation>(options.tracker);
+  start_stages();
+}
+
+void Run::start_stages() {
+  StreamOptions stream{.queue = 4};
+  if (options_.schedule == Schedule::live) {
+    LiveOptions live = options_.live;
+    live.clock = nullptr;
+    live.result = [this](const LiveResult& r) {
+      const std::lock_guard lock(mutex_);
+      note(r.stamp, r.track,
+           {r.stamp, r.track.times, r.network_ms, r.keeper_ms, 0, 0, {}, 1000 * r.latency, r.mask_age});
+      save_at_times();
+    };
+    live_ = std::make_unique<LiveSlam>(camera_, slam_options(options_), live);
+    slam_ = &live_->slam();
+  } else {
+    own_slam_ = std::make_unique<Slam>(camera_, slam_options(options_));
+    slam_ = own_slam_.get();
+    prepare_ = std::make_unique<FramePreparation>(options_.tracker);
+    stream.prepare = std::ref(*prepare_);
+  }
+  if (!options_.load_map.empty()) slam_->load(options_.load_map);
+  if (!options_.save_map.empty()) check_map_folder(options_.save_map);
   wall_ = Stopwatch();
-  stream_ = std::make_unique<FrameStream>(sequence_, camera_,
-                                          StreamOptions{.queue = 4, .prepare = std::ref(*prepare_)});
-  if (uses_network(options))
-    segmentation_ = std::make_unique<SegmentationStage>(*stream_, options.segmentation);
+  stream_ = std::make_unique<FrameStream>(sequence_, camera_, stream);
+  if (uses_network(options_) && !live_)
+    segmentation_ = std::make_unique<SegmentationStage>(*stream_, options_.segmentation);
 }
 
 /// The output is proven writable before hours are spent on computing it.
@@ -139,6 +178,8 @@ void Run::prepare_outputs() {
   make_folder(options_.out);
   write_file(options_.out / "config.toml", config_file(options_));
   write_summary();
+  for (int map = 2; fs::remove(separate_file(options_.out, map)); ++map) {  // of an earlier run
+  }
   if (options_.save_masks) make_folder(options_.out / "masks");
   // For all text files at once, the trajectory beside the one that it replaces.
   constexpr std::uint64_t kPerFrame = 700, kOthers = 1 << 18;  // bytes
@@ -165,17 +206,26 @@ void Run::track(const std::atomic<bool>& stop, const std::function<void(const Pr
   while (!stop.load()) {
     std::optional<SegmentedFrame> input = next();
     if (!input) break;
+    if (live_ && !pace_.wait(input->frame.record.t_rgb, stop)) break;
+    if (live_ && input->frame.frame) take_live(*input->frame.frame);
+    const std::lock_guard lock(mutex_);
     ++summary_.frames;
-    if (input->frame.frame) {
-      take(*input);
-    } else {
+    if (!input->frame.frame) {
       ++summary_.broken;
       note_problem(input->frame.error);
+    } else if (!live_) {
+      take(*input);
     }
     if (progress) report(progress);
-    unsaved_ms_ += since_saved_.lap_ms();
-    if (unsaved_ms_ >= 1000 * options_.save_every) save_progress();
+    if (!live_) save_at_times();
   }
+}
+
+/// Hands a frame over, whose result comes on another thread, if it does.
+void Run::take_live(const RgbdFrame& frame) {
+  std::optional<Masks> prior;
+  if (masks_) prior = masks_->read(frame.stamp, camera_.width, camera_.height);
+  live_->push(frame, prior);
 }
 
 void Run::take(SegmentedFrame& input) {
@@ -183,21 +233,33 @@ void Run::take(SegmentedFrame& input) {
   std::optional<Masks>& prior = input.segmented.masks;
   if (masks_) prior = masks_->read(frame.stamp, camera_.width, camera_.height);
   const TrackResult result = slam_->track(frame, prior);
+  note(frame.stamp, result,
+       {frame.stamp, result.times, input.segmented.network_ms, input.segmented.keeper_ms, 0, 0, {}});
+}
+
+void Run::note(const std::string& stamp, const TrackResult& result, const RunTimings::Row& times) {
   if (result.mask_rejected != MaskVerdict::kept)
-    summary_.masks_rejected.emplace_back(frame.stamp, result.mask_rejected);
+    summary_.masks_rejected.emplace_back(stamp, result.mask_rejected);
   if (result.ok()) {
     ++summary_.tracked;
     if (result.loop) summary_.loops.push_back(*result.loop);
   } else {
     ++summary_.lost;
-    note_problem(fmt::format("{}: {}", frame.stamp, to_string(result.state)));
+    note_problem(fmt::format("{}: {}", stamp, to_string(result.state)));
   }
-  if (options_.save_masks) write_image(options_.out / "masks" / (frame.stamp + ".png"), result.dynamic_mask);
+  if (options_.save_masks) write_image(options_.out / "masks" / (stamp + ".png"), result.dynamic_mask);
   const double lap = wall_.lap_ms();
   elapsed_ms_ += lap;
   if (result.keyframe) map_size_ = {live_keyframes(slam_->map()), live_points(slam_->map())};
-  timings_.rows.push_back({frame.stamp, result.times, input.segmented.network_ms, input.segmented.keeper_ms,
-                           lap, rss_mb(), map_size_});
+  RunTimings::Row& row = timings_.rows.emplace_back(times);
+  row.frame_ms = lap;
+  row.rss_mb = rss_mb();
+  row.map = map_size_;
+}
+
+void Run::save_at_times() {
+  unsaved_ms_ += since_saved_.lap_ms();
+  if (unsaved_ms_ >= 1000 * options_.save_every) save_progress();
 }
 
 void Run::report(const std::function<void(const Progress&)>& progress) const {
@@ -240,12 +302,13 @@ void Run::save_progress() {
 
 void Run::save(const std::atomic<bool>& stop) {
   const bool stopped = stop.load();
+  if (live_) attempt([&] { live_->finish(); });  // or it has failed: nobody else uses what follows
   attempt([&] { count_missing_masks(); });
   attempt([&] { judge_broken(); });
   attempt([&] { slam_->finish(); });
   if (unlisted_ > 0) summary_.problems.push_back(fmt::format("and {} more problems", unlisted_));
   if (reserve_) reserve_->release();
-  summary_.trajectory = slam_->trajectory();
+  take_trajectories();
   write_files();
   if (options_.map && slam_->whole()) attempt([&] { slam_->save_octree(options_.out); });
   if (!options_.save_map.empty()) attempt([&] { slam_->save(options_.save_map); });
@@ -255,14 +318,31 @@ void Run::save(const std::atomic<bool>& stop) {
   attempt([&] { write_summary(); });
 }
 
+/// What was tracked. Frames that were lost have poses after all where a map that was begun meanwhile was
+/// joined.
+void Run::take_trajectories() {
+  summary_.trajectory = slam_->trajectory();
+  summary_.separate = slam_->separate_trajectories();
+  const std::size_t later =
+      summary_.trajectory.size() - std::min(summary_.trajectory.size(), summary_.tracked);
+  summary_.tracked += later;
+  summary_.lost -= std::min(later, summary_.lost);
+}
+
 void Run::write_files() {
   attempt([&] { write_trajectory(options_.out / "trajectory.txt", summary_.trajectory); });
   attempt([&] { write_trajectory(options_.out / "keyframes.txt", slam_->keyframe_trajectory()); });
+  for (const SeparateTrajectory& map : summary_.separate)
+    attempt([&] { write_trajectory(separate_file(options_.out, map.map), map.poses); });
   attempt([&] { timings_.write(options_.out / "timings.csv"); });
   attempt([&] { write_summary(); });
 }
 
 void Run::write_summary() {
+  if (live_) {
+    summary_.live = live_->statistics();
+    summary_.dropped = summary_.live->dropped;
+  }
   summary_.fps = elapsed_ms_ > 0 ? 1000.0 * static_cast<double>(summary_.frames) / elapsed_ms_ : 0.0;
   summary_.peak_rss_mb = peak_rss_mb();
   write_file(options_.out / "summary.json", summary_json(options_, camera_, summary_));

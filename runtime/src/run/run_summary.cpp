@@ -30,10 +30,21 @@ nlohmann::json configuration(const RunOptions& options, const CameraConfig& came
           {"map_resolution", options.map_resolution},
           {"max_frames", options.max_frames},
           {"seed", options.seed},
+          {"schedule", std::string(to_string(options.schedule))},
           {"features", t.features.features},
           {"nu", t.pose.nu},
           {"geometry_nu", t.geometry.weights.nu},
           {"tau", t.geometry.weights.tau}};
+}
+
+nlohmann::json live(const RunOptions& options, const RunSummary& s) {
+  nlohmann::json j{{"speed", options.live_speed}, {"dropped", s.dropped}, {"reproducible", false}};
+  if (!s.live) return j;
+  j["latency"] = {{"median_ms", 1000 * s.live->latency_median},
+                  {"p95_ms", 1000 * s.live->latency_p95},
+                  {"max_ms", 1000 * s.live->latency_max}};
+  j["frames_seen_by_network"] = s.live->masks;
+  return j;
 }
 
 }  // namespace
@@ -44,10 +55,14 @@ std::string summary_json(const RunOptions& options, const CameraConfig& camera, 
   j["tracked"] = s.tracked;
   j["lost"] = s.lost;
   j["broken"] = s.broken;
+  if (options.schedule == Schedule::live) j["live"] = live(options, s);
   j["interrupted"] = s.interrupted;
   j["problems"] = s.problems;
   for (const auto& [name, value] : s.stages)
     j["stages"][name] = {{"median_ms", value.median_ms}, {"p95_ms", value.p95_ms}};
+  j["separate_maps"] = nlohmann::json::array();
+  for (const SeparateTrajectory& map : s.separate)
+    j["separate_maps"].push_back({{"map", map.map}, {"frames", map.poses.size()}});
   j["loops"] = nlohmann::json::array();
   for (const LoopClosing& loop : s.loops) {
     j["loops"].push_back({{"keyframe", loop.keyframe},

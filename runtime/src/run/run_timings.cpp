@@ -16,12 +16,16 @@ void RunTimings::write(const std::filesystem::path& path) const {
   std::ostream& out = file.stream();
   out << "timestamp";
   for (const auto name : kStageNames) out << ',' << name;
-  out << ",network,mask_keeper,frame,rss_mb,keyframes,points\n";
+  const bool live = !rows.empty() && rows.front().latency_ms;
+  out << ",network,mask_keeper,frame," << (live ? "latency,mask_age_s," : "") << "rss_mb,keyframes,points\n";
   for (const Row& row : rows) {
     out << row.stamp;
     for (const double ms : row.times) out << fmt::format(",{:.3f}", ms);
-    out << fmt::format(",{:.3f},{:.3f},{:.3f},{:.1f},{},{}\n", row.network_ms, row.keeper_ms, row.frame_ms,
-                       row.rss_mb, row.map.keyframes, row.map.points);
+    out << fmt::format(",{:.3f},{:.3f},{:.3f}", row.network_ms, row.keeper_ms, row.frame_ms);
+    if (live)
+      out << fmt::format(",{:.3f},{}", row.latency_ms.value_or(0),
+                         row.mask_age ? fmt::format("{:.3f}", *row.mask_age) : std::string());
+    out << fmt::format(",{:.1f},{},{}\n", row.rss_mb, row.map.keyframes, row.map.points);
   }
   file.commit();
 }

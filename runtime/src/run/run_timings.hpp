@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,8 @@ struct RunTimings {
     double frame_ms;  ///< everything the main loop did for the frame, waiting for the reader included
     double rss_mb;
     MapSize map;
+    /// Of a live run: from the frame's coming to its result; age of its masks [s], nullopt: it had none.
+    std::optional<double> latency_ms{}, mask_age{};
   };
   std::vector<Row> rows;
 

@@ -5,10 +5,14 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/saved_map.hpp"
+#include "dynslam/runtime/io/time_stamp.hpp"
 #include "io/argument_check.hpp"
 #include "io/frame_of_images.hpp"
 #include "io/input_check.hpp"
+#include "slam/event_journal.hpp"
+#include "slam/frame_poses.hpp"
 #include "slam/run_map.hpp"
+#include "slam/separate_maps.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -48,16 +52,11 @@ struct Slam::State {
   State(const CameraConfig& c, const SlamOptions& o)
       : camera(c),
         options(with_noise_of(c, o)),
-        tracker(std::make_unique<Tracker>(c, tracker_options(options))) {
+        tracker(std::make_unique<Tracker>(c, tracker_options(options))),
+        journal(o.events),
+        separate(std::make_unique<SeparateMaps>(c, tracker_options(options), o.new_map, o.map)) {
     if (o.map) octree = std::make_unique<RunMap>(c, mapper_options(options));
   }
-
-  struct FramePose {  // of a tracked frame, relative to its keyframe
-    double t;
-    int reference;
-    SE3<double> T_c_reference;
-    bool keyframe;
-  };
 
   /// Runs what leaves the map in pieces where it throws.
   template <class Step>
@@ -66,27 +65,37 @@ struct Slam::State {
     work();
     whole = before;
   }
-  [[nodiscard]] std::vector<StampedPose<double>> poses(bool keyframes_alone) const {
-    std::vector<StampedPose<double>> result;
-    for (const FramePose& frame : frames) {
-      if (keyframes_alone && !frame.keyframe) continue;
-      const SE3<double> T_reference = tracker->map().pose(frame.reference);
-      result.push_back({frame.t, (frame.T_c_reference * T_reference).inverse()});
-    }
-    return result;
-  }
+  /// Has a map that was begun while the camera was lost become part of the main one.
+  void join(SeparateMap& map, double t);
 
   CameraConfig camera;
   SlamOptions options;
   std::unique_ptr<Tracker> tracker;
+  EventJournal journal;
   std::unique_ptr<RunMap> octree;
   std::unique_ptr<FrameSegmenter> network;
-  std::vector<FramePose> frames;
+  std::unique_ptr<SeparateMaps> separate;
+  FramePoses frames;
   std::size_t seen = 0;  // frames
   std::optional<double> last_t;
   SavedScans loaded;
   bool whole = true;
 };
+
+void Slam::State::join(SeparateMap& map, double t) {
+  map.tracker().finish();
+  const int first = tracker->adopt(map.tracker().map(), map.T_main_w());
+  frames.take(map.frames(), first);
+  if (octree) {
+    for (const SeparateMap::Scan& scan : map.scans()) {
+      TrackResult result = scan.result;
+      result.reference += first;
+      result.T_w_c = tracker->map().pose(result.reference).inverse();
+      octree->insert(result, scan.frame, scan.prior);
+    }
+  }
+  journal.joined({t, map.number, map.frames().size(), map.T_main_w()});
+}
 
 Slam::Slam(const CameraConfig& camera, const SlamOptions& options)
     : state_(std::make_unique<State>(camera, options)) {
@@ -100,45 +109,81 @@ Slam::~Slam() = default;
 
 TrackResult Slam::track(const cv::Mat& image, const cv::Mat& depth, double t,
                         const std::optional<Masks>& prior, double depth_delay) {
-  RgbdFrame frame = frame_of_images(image, depth, t, state_->camera);
+  RgbdFrame frame = frame_of_images(image, depth, {t, 0}, state_->camera);
   frame.depth_delay = depth_delay;
+  return track_new(frame, prior);
+}
+
+TrackResult Slam::track_new(const RgbdFrame& frame, const std::optional<Masks>& prior) {
   if (prior || !state_->network) return track(frame, prior);
   check_input(frame, prior, state_->camera, state_->last_t);  // the network remembers what it has seen
   const FrameMasks segmented = state_->network->segment(frame, state_->seen);
   return track(frame, segmented.masks);
 }
 
+TrackResult Slam::track(const cv::Mat& image, const cv::Mat& depth, std::chrono::nanoseconds t,
+                        const std::optional<Masks>& prior, double depth_delay) {
+  RgbdFrame frame = frame_of_images(image, depth, time_of(t.count()), state_->camera);
+  frame.depth_delay = depth_delay;
+  return track_new(frame, prior);
+}
+
 TrackResult Slam::track(const RgbdFrame& frame, const std::optional<Masks>& prior) {
   State& s = *state_;
+  s.journal.check_not_telling("Slam::track()");
   check_input(frame, prior, s.camera, s.last_t);
   s.last_t = frame.t;
   ++s.seen;
   TrackResult result;
+  s.journal.begin(*s.tracker);
   s.step([&] {
     result = s.tracker->track(frame, prior);
-    if (result.ok()) s.frames.push_back({frame.t, result.reference, result.T_c_reference, result.keyframe});
+    if (result.ok()) s.frames.add(frame, result);
     if (!result.keyframe || !s.octree) return;
     s.octree->insert(result, frame, prior);
     if (result.loop) s.octree->follow(s.tracker->map());
   });
+  s.journal.note(*s.tracker, frame.t, &result);
+  s.step([&] {
+    const int begun = s.separate->begun();
+    const std::unique_ptr<SeparateMap> joined = s.separate->see(frame, prior, result);
+    if (s.separate->begun() != begun) s.journal.begun({frame.t, result.separate->map});
+    if (joined) s.join(*joined, frame.t);
+  });
+  s.journal.tell();
   return result;
 }
 
 void Slam::finish() {
-  state_->step([this] {
-    state_->tracker->finish();
-    if (!state_->octree) return;
-    state_->octree->follow(state_->tracker->map());
-    state_->octree->finish();
+  State& s = *state_;
+  s.journal.check_not_telling("Slam::finish()");
+  s.journal.begin(*s.tracker);
+  s.step([&s] {
+    s.tracker->finish();
+    s.separate->finish();
+    if (!s.octree) return;
+    s.octree->follow(s.tracker->map());
+    s.octree->finish();
   });
+  s.journal.note(*s.tracker, s.last_t.value_or(0), nullptr);
+  s.journal.tell();
 }
 
 std::vector<StampedPose<double>> Slam::trajectory() const {
-  return state_->poses(false);
+  return state_->frames.poses(state_->tracker->map(), false);
 }
 
 std::vector<StampedPose<double>> Slam::keyframe_trajectory() const {
-  return state_->poses(true);
+  return state_->frames.poses(state_->tracker->map(), true);
+}
+
+std::vector<SeparateTrajectory> Slam::separate_trajectories() const {
+  std::vector<SeparateTrajectory> result;
+  for (const auto& map : state_->separate->maps()) {
+    if (map->frames().size() > 0)
+      result.push_back({map->number, map->frames().poses(map->tracker().map(), false)});
+  }
+  return result;
 }
 
 const LocalMap& Slam::map() const {
@@ -165,8 +210,10 @@ void Slam::save(const std::filesystem::path& folder) {
 
 void Slam::load(const std::filesystem::path& folder) {
   State& s = *state_;
+  s.journal.check_not_telling("Slam::load()");
   s.loaded.folder = folder;
   s.tracker->load(load_slam_map(folder, s.camera, &s.loaded.map_id));
+  s.journal.loaded();
   const int keyframes = static_cast<int>(s.tracker->map().keyframes().size());
   if (s.octree) s.octree->load(folder, {s.loaded.map_id, keyframes});
 }
@@ -179,6 +226,7 @@ void Slam::save_octree(const std::filesystem::path& folder) {
 }
 
 void Slam::reset() {
+  state_->journal.check_not_telling("Slam::reset()");
   auto network = std::move(state_->network);
   state_ = std::make_unique<State>(state_->camera, state_->options);
   state_->network = std::move(network);

@@ -127,9 +127,19 @@ void Tracker::load(LocalMap map) {
   lost_frames_ = 1;
 }
 
+int Tracker::adopt(const LocalMap& other, const SE3<double>& T_w_other) {
+  finish();  // the adjustment's thread knows keyframes by their address
+  const int first = map_.append(other, T_w_other);
+  for (int id = first; id <= map_.newest(); ++id) {
+    if (!map_.keyframe(id).culled()) places_.add(id, map_.keyframe(id).frame);
+  }
+  return first;
+}
+
 SE3<double> Tracker::settle() {
   if (!bundle_.pending()) return {};
   const SE3<double> D = bundle_.apply(map_);
+  ++adjustments_;
   follow(D);
   for (const int id :
        map_.cull_keyframes(map_.newest(), options_.redundant_keyframe, options_.spare_keyframes))

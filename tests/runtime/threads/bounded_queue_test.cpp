@@ -172,3 +172,47 @@ TEST_CASE("a stop request wakes who waits for room and who waits for an item") {
     CHECK(full.pop() == 1);
   }
 }
+
+TEST_CASE("push_newest() never waits: the first item makes room, and what is dropped comes back") {
+  BoundedQueue<int> queue(3);
+  std::vector<int> dropped;
+  for (int i = 0; i < 7; ++i) {
+    if (const auto gone = queue.push_newest(i)) dropped.push_back(*gone);
+  }
+  CHECK(dropped == std::vector<int>{0, 1, 2, 3});
+  for (int i = 4; i < 7; ++i) {
+    CHECK(queue.pop() == i);
+    queue.done();
+  }
+  queue.join();  // those that were dropped are not waited for
+  queue.close();
+  CHECK(queue.push_newest(7) == 7);
+  BoundedQueue<int> failed(1);
+  failed.close(failure("no"));
+  CHECK_THROWS_WITH_AS((void)failed.push_newest(1), "no", std::runtime_error);
+}
+
+TEST_CASE("wait_for_room() returns when a push would not wait, and when there will never be room") {
+  BoundedQueue<int> queue(1);
+  CHECK(queue.wait_for_room());
+  queue.push(1);
+  std::atomic<bool> room{false};
+  {
+    std::jthread waiting([&] { room = queue.wait_for_room(); });
+    CHECK(queue.pop() == 1);
+  }
+  CHECK(room);
+  queue.push(2);
+  {
+    std::jthread waiting([&] { room = queue.wait_for_room(); });
+    queue.close();
+  }
+  CHECK_FALSE(room);
+  BoundedQueue<int> full(1);
+  full.push(1);
+  {
+    std::jthread waiting([&](const std::stop_token& stop) { room = full.wait_for_room(stop); });
+    waiting.request_stop();
+  }
+  CHECK_FALSE(room);
+}

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -15,7 +16,9 @@
 #include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/nets/frame_segmenter.hpp"
+#include "dynslam/runtime/slam/new_map_options.hpp"
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
+#include "dynslam/runtime/slam/slam_events.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
 
 namespace dynslam::runtime {
@@ -32,6 +35,14 @@ struct SlamOptions {
   TrackerOptions tracker;          ///< its `dynamics` and seeds are set from those above
   /// How the octree is made; its `resolution` and `max_bytes` are set from those above.
   SemanticMapperOptions mapper = SemanticMapperOptions::of_run();
+  NewMapOptions new_map;  ///< what a loss that lasts begins
+  SlamEvents events{};    ///< functions to be called: keyframes, loops, adjustments, lost, found
+};
+
+/// Poses in a map that was begun while the camera was lost and has not been joined to the main one.
+struct SeparateTrajectory {
+  int map = 0;                             ///< its number, from 2
+  std::vector<StampedPose<double>> poses;  ///< T_w_c in a world of its own, of frames that trajectory() lacks
 };
 
 /// RGB-D SLAM from frames in memory:
@@ -63,6 +74,9 @@ class Slam {
   /// @throws InputError with what it got and what was expected, with nothing changed
   TrackResult track(const cv::Mat& image, const cv::Mat& depth, double t,
                     const std::optional<Masks>& prior = std::nullopt, double depth_delay = 0);
+  /// The same with a time that keeps its nanoseconds; trajectory() has them beside the seconds.
+  TrackResult track(const cv::Mat& image, const cv::Mat& depth, std::chrono::nanoseconds t,
+                    const std::optional<Masks>& prior = std::nullopt, double depth_delay = 0);
   /// The same for a frame that was prepared elsewhere. Its images are kept and must not change afterwards.
   TrackResult track(const RgbdFrame& frame, const std::optional<Masks>& prior = std::nullopt);
 
@@ -74,6 +88,8 @@ class Slam {
   [[nodiscard]] std::vector<StampedPose<double>> trajectory() const;
   /// The same of the frames that became keyframes.
   [[nodiscard]] std::vector<StampedPose<double>> keyframe_trajectory() const;
+  /// What was tracked while the camera was lost in the main map, and was never joined to it.
+  [[nodiscard]] std::vector<SeparateTrajectory> separate_trajectories() const;
   /// Keyframes and points.
   [[nodiscard]] const LocalMap& map() const;
   /// The semantic octree; null without `SlamOptions::map`. Valid after finish(), until the next frame.
@@ -96,6 +112,8 @@ class Slam {
 
  private:
   struct State;
+  /// Of a frame that nobody has prepared: asks the network where there is one.
+  TrackResult track_new(const RgbdFrame& frame, const std::optional<Masks>& prior);
   std::unique_ptr<State> state_;
 };
 

@@ -102,6 +102,7 @@ Sequence load_icl(const fs::path& root, const SequenceOptions& options) {
       throw InputError(list.string(), 0,
                        fmt::format("'{}' is not the number of a frame, as ICL-NUIM's are", frame.stamp));
     frame.t_rgb /= options.rate;
+    frame.ns = 0;
     frame.t_depth /= options.rate;
   }
   for (auto* times : {&sequence.colour_times, &sequence.depth_times}) {
@@ -114,8 +115,8 @@ Sequence load_icl(const fs::path& root, const SequenceOptions& options) {
                                  truths[1].filename().string()));
   if (!truths.empty()) {
     sequence.truth_file = truths.front();
-    for (const auto& [number, T] : read_trajectory(truths.front()))
-      sequence.groundtruth.push_back({number / options.rate, with_y_down(T)});
+    for (const auto& pose : read_trajectory(truths.front()))  // numbers of frames for times
+      sequence.groundtruth.push_back({pose.t / options.rate, with_y_down(pose.T_w_c)});
   }
   sequence.camera = pinhole_camera("icl-nuim", {640, 480, 481.2, 480, 319.5, 239.5, 5000}, "icl-nuim");
   sequence.camera_source = "the data set's description (its fy of -480 means that y points up in the truth)";
@@ -195,7 +196,7 @@ void read_lists(Sequence& sequence, const std::string& associations, const Seque
     for (const auto& [i, j] :
          associate(sequence.colour_times, sequence.depth_times, options.max_association_difference)) {
       sequence.frames.push_back(
-          {rgb[i].t, sequence.depth_times[j], rgb[i].stamp, rgb[i].path, depth[j].path, {}});
+          {rgb[i].t, sequence.depth_times[j], rgb[i].stamp, rgb[i].path, depth[j].path, rgb[i].ns});
     }
     if (sequence.frames.empty()) {
       throw InputError(

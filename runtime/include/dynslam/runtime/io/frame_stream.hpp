@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <opencv2/core.hpp>
@@ -21,6 +22,7 @@ struct ImageFeatures;  // of slam/feature_extractor.hpp; reading knows nothing o
 struct RgbdFrame {
   std::size_t index = 0;   ///< in the sequence, broken frames counted; the tracker counts for itself
   double t = 0;            ///< colour time [s]
+  std::int64_t ns = 0;     ///< the same in nanoseconds, as it was recorded; 0: unknown
   double depth_delay = 0;  ///< depth time less colour time [s]
   std::string stamp;
   cv::Mat bgr;    ///< CV_8UC3

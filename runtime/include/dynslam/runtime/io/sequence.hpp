@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <opencv2/core/types.hpp>
@@ -22,6 +23,7 @@ struct FrameRecord {
          t_depth = 0;  ///< [s]; of depth, when it was taken: CameraConfig::depth_time_offset is off
   std::string stamp;   ///< colour time or number as the folder prints it; names masks and results
   std::filesystem::path rgb, depth;  ///< files; with a `source` names for messages alone
+  std::int64_t ns{};                 ///< t_rgb in nanoseconds, as it was recorded; 0: unknown
   cv::Size colour_size{};  ///< of the colour file [px] where it is to be scaled to the camera's; else empty
   std::shared_ptr<const ImageSource> source{};      ///< of images that are no files; else null
   std::size_t colour_number = 0, depth_number = 0;  ///< there

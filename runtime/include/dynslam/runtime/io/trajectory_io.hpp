@@ -12,15 +12,17 @@
 namespace dynslam::runtime {
 
 /// Reads "timestamp tx ty tz qx qy qz qw" lines (TUM format; commas allowed, # comments).
-/// Sorted by time; of equal stamps the last one counts (as in TUM's tools, whose own data needs it).
+/// A time of 19 digits is one in nanoseconds; see parse_time(). Sorted by time; of equal stamps the last one
+/// counts (as in TUM's tools, whose own data needs it).
 /// @param name  of the file, for error messages
 /// @throws InputError  with the line: wrong number of columns, a word that is no finite number, a zero
 ///         quaternion; or an empty file
 [[nodiscard]] std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::string& name);
 [[nodiscard]] std::vector<StampedPose<double>> read_trajectory(const std::filesystem::path& path);
 
-/// Writes TUM format (time with 6 decimals, pose with 9), through a temporary file, so that a reader
-/// never sees half a trajectory. @throws InputError when it cannot be written
+/// Writes TUM format (time with 6 decimals, or with 9 where StampedPose::ns has more; pose with 9), through a
+/// temporary file, so that a reader never sees half a trajectory. @throws InputError when it cannot be
+/// written
 void write_trajectory(const std::filesystem::path& path, std::span<const StampedPose<double>> trajectory);
 
 }  // namespace dynslam::runtime

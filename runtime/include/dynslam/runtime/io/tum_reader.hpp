@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <istream>
 #include <string>
 #include <vector>
@@ -14,6 +15,7 @@ namespace dynslam::runtime {
 struct ListEntry {
   double t;
   std::string stamp, path;
+  std::int64_t ns{};  ///< as FrameRecord has it
 };
 /// Reads "timestamp path" lines. @throws InputError with the line: malformed, or stamps not increasing
 [[nodiscard]] std::vector<ListEntry> parse_list(std::istream& in, const std::string& name);

@@ -11,6 +11,7 @@ namespace dynslam::runtime {
 
 struct MaskKeeperOptions {
   int max_age = 8;             ///< frames that a mask outlives its last detection
+  double max_seconds = 0;      ///< time that it does so instead [s]; 0: max_age counts
   int points = 60;             ///< corners that carry a mask
   int min_points = 6;          ///< fewer followed: the mask is dropped
   float depth_margin = 0.20F;  ///< metres around an object's depth that may be its own
@@ -28,8 +29,10 @@ class MaskKeeper {
   /// @param detected  masks of this image; nullopt where the network was not asked
   /// @param gray      CV_8UC1
   /// @param depth     CV_32FC1 metres, invalid: NaN or <= 0
+  /// @param t         time of the image [s], for `max_seconds`
   /// @throws UsageError for images of another type, or not of one size, that of the calls before
-  [[nodiscard]] Masks update(const std::optional<Masks>& detected, const cv::Mat& gray, const cv::Mat& depth);
+  [[nodiscard]] Masks update(const std::optional<Masks>& detected, const cv::Mat& gray, const cv::Mat& depth,
+                             double t = 0);
 
   /// Masks of the last call that were carried, not detected.
   [[nodiscard]] int carried() const { return carried_; }
@@ -39,9 +42,11 @@ class MaskKeeper {
     cv::Mat mask;     // CV_8UC1 of image size
     float depth = 0;  // median [m]; 0 unknown
     int age = 0;
+    double seen = 0;  // time of its last detection [s]
   };
 
   void refine(cv::Mat& mask, const cv::Mat& depth, float& median) const;
+  [[nodiscard]] bool outdated(Kept& kept, double t) const;
   [[nodiscard]] bool carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) const;
 
   MaskKeeperOptions options_;

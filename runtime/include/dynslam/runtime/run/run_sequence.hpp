@@ -6,11 +6,13 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "dynslam/eval/trajectory.hpp"
 #include "dynslam/runtime/io/sequence.hpp"
+#include "dynslam/runtime/live.hpp"
 #include "dynslam/runtime/nets/segmentation_stage.hpp"
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
@@ -40,6 +42,12 @@ struct RunOptions {
   /// Share of the frames that may be broken; a run with more fails, its results written. Half: a sequence
   /// that is mostly damaged is not what was meant, whatever can be made of the rest.
   double max_broken = 0.5;
+  /// Live: frames come at the pace at which they were recorded, those too many are dropped, and a network's
+  /// masks come late. The results are then not the same in every run.
+  Schedule schedule = Schedule::deterministic;
+  double live_speed = 1;   ///< of that pace: 2 is twice as fast
+  LiveOptions live;        ///< its functions are not used
+  NewMapOptions new_map;   ///< what a loss that lasts begins
   TrackerOptions tracker;  ///< its `dynamics` is set from the one above
   /// How the octree is made; its `resolution` and `max_bytes` are set from those above.
   SemanticMapperOptions mapper = SemanticMapperOptions::of_run();
@@ -60,6 +68,7 @@ struct RunSummary {
   std::size_t tracked = 0;  ///< with a pose in trajectory.txt
   std::size_t lost = 0;     ///< read, but without a pose
   std::size_t broken = 0;   ///< could not be read
+  std::size_t dropped = 0;  ///< came too fast; live alone
   double fps = 0, peak_rss_mb = 0;
   std::map<std::string, StageStatistics> stages;
   std::vector<StampedPose<double>> trajectory;
@@ -67,13 +76,18 @@ struct RunSummary {
   std::vector<std::pair<std::string, MaskVerdict>> masks_rejected;  ///< time stamps of frames, and why
   std::vector<std::string> problems;                                ///< one line each, in order of frames
   bool interrupted = false;
+  std::optional<LiveStatistics> live;  ///< of a live run
+  /// Of `lost`, frames that have a pose in a map of their own, whose place was never recognised:
+  /// trajectory_map<number>.txt.
+  std::vector<SeparateTrajectory> separate;
 };
 
 /// How a run reads its sequence.
 [[nodiscard]] SequenceOptions sequence_options(const RunOptions& options);
 
 /// Runs a sequence and writes config.toml (see options_file.hpp) at once, then trajectory.txt, keyframes.txt,
-/// map.ot (and map_color.ot for octovis), timings.csv, summary.json and masks/ into `options.out`. What was
+/// map.ot (and map_color.ot for octovis), timings.csv, summary.json and masks/ into `options.out`, and
+/// trajectory_map2.txt, ... of maps that were begun after a loss and never joined. What was
 /// computed is saved also when `stop` becomes true midway; trajectory.txt and summary.json are written as the
 /// run goes, see docs/reliability.md. A map that was loaded is never saved poorer than it was: what a failed
 /// run has is added to it where that is whole, and else the saved map stays.

@@ -40,6 +40,12 @@ struct StageTimes : std::array<double, kStageNames.size()> {
 enum class TrackingState { not_initialised, tracked, relocalised, lost };
 [[nodiscard]] std::string_view to_string(TrackingState state);
 
+/// Where a frame is in a map that was begun since the camera was lost.
+struct SeparatePose {
+  int map = 0;        ///< its number, from 2: the main one is 1
+  SE3<double> T_w_c;  ///< in a world of its own
+};
+
 struct TrackResult {
   TrackingState state = TrackingState::not_initialised;
   [[nodiscard]] bool ok() const {
@@ -52,7 +58,8 @@ struct TrackResult {
   std::optional<LoopClosing> loop;                ///< closed at this keyframe: T_w_c is corrected already
   MaskVerdict mask_rejected = MaskVerdict::kept;  ///< why the pose was not found by the mask, if it was not
   int matches = 0, inliers = 0;
-  cv::Mat dynamic_mask;  ///< CV_8UC1, 255 = dynamic; always of image size
+  std::optional<SeparatePose> separate;  ///< of a lost frame that another map has; see NewMapOptions
+  cv::Mat dynamic_mask;                  ///< CV_8UC1, 255 = dynamic; always of image size
   StageTimes times{};
 };
 

@@ -43,10 +43,16 @@ class Tracker {
   /// Goes on in an earlier map: the camera is lost until it finds itself there. Call it before track().
   void load(LocalMap map);
 
+  /// Takes in another tracker's map, whose world T_w_other places in this one's. @return id of its first
+  /// keyframe here
+  int adopt(const LocalMap& other, const SE3<double>& T_w_other);
+
   /// Uses what is still being adjusted. Call it at the end, before poses are read from the map.
   void finish();
 
   [[nodiscard]] const LocalMap& map() const { return map_; }
+  /// Bundle adjustments that were used so far.
+  [[nodiscard]] std::size_t adjustments() const { return adjustments_; }
   /// People at rest, whose features the next frame uses, CV_8UC1; empty where nobody is known to be.
   [[nodiscard]] const cv::Mat& resting() const { return resting_; }
 
@@ -108,6 +114,7 @@ class Tracker {
   std::vector<std::pair<int, int>> places_found_;
   std::vector<int> votes_;
   std::size_t bundle_due_ = 0;  // frame index
+  std::size_t adjustments_ = 0;
   Frame last_;
   ImagePyramid last_pyramid_;  // and what was found moving in it, CV_8UC1: for look_again()
   cv::Mat last_moving_;

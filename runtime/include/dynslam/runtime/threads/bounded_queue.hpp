@@ -41,6 +41,36 @@ class BoundedQueue {
     return true;
   }
 
+  /// Appends an item without waiting: where the queue is full the first one makes room.
+  /// @return the item that is dropped for it: the first one, or where the queue was closed, `item`
+  /// @throws what close() was given
+  std::optional<T> push_newest(T item) {
+    const std::lock_guard lock(mutex_);
+    if (failure_) std::rethrow_exception(failure_);
+    std::optional<T> dropped;
+    if (closed_) {
+      dropped.emplace(std::move(item));
+      return dropped;
+    }
+    if (items_.size() == capacity_) {
+      dropped.emplace(std::move(items_.front()));
+      items_.pop_front();
+      --unfinished_;
+    }
+    items_.push_back(std::move(item));
+    ++unfinished_;
+    changed_.notify_all();
+    return dropped;
+  }
+
+  /// Waits until there is room for an item, which there is from then on where one thread alone pushes.
+  /// @return false where the queue was closed or `stop` requested first
+  bool wait_for_room(const std::stop_token& stop = {}) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, stop, [this] { return items_.size() < capacity_ || closed_; });
+    return !closed_ && !stop.stop_requested();
+  }
+
   /// Takes the first item; waits while the queue is empty.
   /// @return nothing where the queue is closed and empty, or `stop` was requested first
   /// @throws what close() was given, once the queue is empty

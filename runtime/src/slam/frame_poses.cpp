@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "slam/frame_poses.hpp"
+
+#include <algorithm>
+
+namespace dynslam::runtime {
+
+void FramePoses::add(const RgbdFrame& frame, const TrackResult& result) {
+  frames_.push_back({frame.t, frame.ns, result.reference, result.T_c_reference, result.keyframe});
+}
+
+void FramePoses::take(const FramePoses& other, int first_keyframe) {
+  frames_.reserve(frames_.size() + other.frames_.size());
+  for (FramePose frame : other.frames_) {
+    frame.reference += first_keyframe;
+    frames_.push_back(frame);
+  }
+  std::stable_sort(frames_.begin(), frames_.end(), [](const auto& a, const auto& b) { return a.t < b.t; });
+}
+
+std::vector<StampedPose<double>> FramePoses::poses(const LocalMap& map, bool keyframes_alone) const {
+  std::vector<StampedPose<double>> result;
+  for (const FramePose& frame : frames_) {
+    if (keyframes_alone && !frame.keyframe) continue;
+    const SE3<double> T_reference = map.pose(frame.reference);
+    result.push_back({frame.t, (frame.T_c_reference * T_reference).inverse(), frame.ns});
+  }
+  return result;
+}
+
+}  // namespace dynslam::runtime

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "dynslam/eval/trajectory.hpp"
+#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/slam/track_result.hpp"
+
+namespace dynslam::runtime {
+
+/// The frames that were tracked, each beside its keyframe.
+class FramePoses {
+ public:
+  void add(const RgbdFrame& frame, const TrackResult& result);
+  /// Takes in those of a map whose keyframes have become those from `first_keyframe` on.
+  void take(const FramePoses& other, int first_keyframe);
+  [[nodiscard]] std::vector<StampedPose<double>> poses(const LocalMap& map, bool keyframes_alone) const;
+  [[nodiscard]] std::size_t size() const { return frames_.size(); }
+
+ private:
+  struct FramePose {
+    double t;
+    std::int64_t ns;
+    int reference;
+    SE3<double> T_c_reference;
+    bool keyframe;
+  };
+  std::vector<FramePose> frames_;
+};
+
+}  // namespace dynslam::runtime
