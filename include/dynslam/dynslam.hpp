@@ -16,6 +16,7 @@
 #include "dynslam/dynamics/mask_arbitration.hpp"
 #include "dynslam/dynamics/method.hpp"
 #include "dynslam/dynamics/motion_segmenter.hpp"
+#include "dynslam/dynamics/motion_segmenter_options.hpp"
 #include "dynslam/dynamics/moves_as_one.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/residuals.hpp"
