@@ -69,6 +69,7 @@ class Tracker {
   /// found
   int find_initial_pose(Present& now);
   bool try_initial_pose(Present& now, const SE3<double>& predicted, float radius);
+  void look_up_depth(Present& now);
   /// Matches the local map's points. @return whether `wanted` of them fit one pose
   bool prove_on_local_map(Present& now, int wanted);
   bool relocalise(Present& now);
