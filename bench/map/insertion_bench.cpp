@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Insertion of keyframes into a semantic octree, beside OctoMap's ColorOcTree with the same points, range and
-// resolution, and the voxel block map. The keyframes are recorded ones (all pixels of five of fr1_xyz) where DYNSLAM_DATA
-// names the data, a made-up room otherwise. A ray goes to each point, or to each voxel that holds points (OctoMap's
+// resolution, and the voxel block map. The keyframes are recorded ones (fr1_xyz, all pixels) where DYNSLAM_DATA names the
+// data, a made-up room otherwise. A ray goes to each point, or to each voxel that holds points (OctoMap's
 // `discretize`).
 #include <benchmark/benchmark.h>
 
@@ -24,23 +24,29 @@ using test::WorldScan;
 
 constexpr double kMaxRange = 4.0;
 
-const std::vector<WorldScan>& scans() {
-  static const std::vector<WorldScan> all = [] {
-    auto recorded = test::recorded_scans(5, 1);
-    return recorded.empty() ? test::room_scans(3, 64, 48) : recorded;
-  }();
-  return all;
-}
-
 struct Case {
   std::string name;
   double edge;  // of a voxel [m]
   bool discretize;
 };
 
+/// Twenty where a ray goes to each voxel; where one goes to each point five take the rival long enough.
+const std::vector<WorldScan>& scans(const Case& c) {
+  static const auto make = [](std::size_t count) {
+    auto recorded = test::recorded_scans(count, 1);
+    return recorded.empty() ? test::room_scans(3, 64, 48) : recorded;
+  };
+  if (!c.discretize) {
+    static const std::vector<WorldScan> few = make(5);
+    return few;
+  }
+  static const std::vector<WorldScan> many = make(20);
+  return many;
+}
+
 template <class Map>
 void insert(Map& map, ScanVoxels& voxels, const Case& c) {
-  for (const WorldScan& scan : scans()) {
+  for (const WorldScan& scan : scans(c)) {
     gather_point_cloud(voxels, scan.points, scan.origin, kMaxRange, c.discretize);
     map.integrate(voxels);
   }
@@ -80,15 +86,15 @@ bool equals_octomap(const Case& c) {
   interop::SemanticOcTree tree(c.edge);
   insert(tree, voxels, c);
   octomap::ColorOcTree rival(c.edge);
-  baselines::ColorTreeScans(scans(), kMaxRange).insert(rival, false, c.discretize);
+  baselines::ColorTreeScans(scans(c), kMaxRange).insert(rival, false, c.discretize);
   if (largest_difference(tree, rival) > 1e-5 || largest_difference(rival, tree) > 1e-5) return false;
   equal.push_back(c.name);
   return true;
 }
 
-void per_keyframe(benchmark::State& state) {
+void per_keyframe(benchmark::State& state, const Case& c) {
   state.counters["time_per_keyframe"] =
-      benchmark::Counter(static_cast<double>(scans().size()),
+      benchmark::Counter(static_cast<double>(scans(c).size()),
                          benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 
@@ -107,17 +113,17 @@ void semantic_tree(benchmark::State& state, const Case& c) {
   interop::SemanticOcTree tree(c.edge);
   insert(tree, voxels, c);
   memory_counters(state, tree, heap_bytes() - start);
-  per_keyframe(state);
+  per_keyframe(state, c);
 }
 
 void color_octree(benchmark::State& state, const Case& c, bool lazy) {
-  const baselines::ColorTreeScans clouds(scans(), kMaxRange);
+  const baselines::ColorTreeScans clouds(scans(c), kMaxRange);
   for (auto _ : state) {
     octomap::ColorOcTree tree(c.edge);
     clouds.insert(tree, lazy, c.discretize);
     benchmark::DoNotOptimize(tree.size());
   }
-  per_keyframe(state);
+  per_keyframe(state, c);
 }
 
 template <class S>
@@ -128,7 +134,7 @@ void block_map(benchmark::State& state, const Case& c) {
     insert(map, voxels, c);
     benchmark::DoNotOptimize(map.blocks());
   }
-  per_keyframe(state);
+  per_keyframe(state, c);
 }
 
 const bool registered = [] {
@@ -143,7 +149,7 @@ const bool registered = [] {
       add("dynslam", semantic_tree);
       add("octomap", [](auto& s, const Case& of) { color_octree(s, of, false); });
       add("octomap_lazy", [](auto& s, const Case& of) { color_octree(s, of, true); });
-      add("block_map", block_map<float>);
+      add("dynslam_block_map", block_map<float>);
     }
   }
   return true;

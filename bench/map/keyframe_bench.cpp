@@ -162,7 +162,7 @@ const bool registered = [] {
   bench::add(kWhat, "float", "dynslam", [](benchmark::State& s) {
     ours<interop::SemanticOcTree>(s, [] { return interop::SemanticOcTree(kEdge); });
   }, kUnit);
-  bench::add(kWhat, "float", "block_map", [](benchmark::State& s) {
+  bench::add(kWhat, "float", "dynslam_block_map", [](benchmark::State& s) {
     ours<VoxelBlockMap<float>>(s, [] { return VoxelBlockMap<float>(VoxelGrid(kEdge)); });
   }, kUnit);
   bench::add(kWhat, "float", "octomap_lazy", color_octree, kUnit);

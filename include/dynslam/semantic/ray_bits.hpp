@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -85,6 +86,7 @@ class RayBits {
     Double2 tx, ty, tz, reach;
     Long2 at, dx, dy, dz, sx, sy, sz;
     std::int64_t target[2];
+    std::int64_t sure[2];  // steps before the last four, of which none can be the last
   };
   static Mask less(const Double2& a, const Double2& b) { return std::bit_cast<Mask>(a < b); }
 
@@ -124,12 +126,17 @@ class RayBits {
             std::span<const Eigen::Matrix<S, 3, 1>> ends) {
     detail::RayFaces faces;
     lanes.target[k] = -1;
+    lanes.sure[k] = std::numeric_limits<std::int64_t>::max();
     bool found = false;
     for (; next_ < ends.size() && !found; ++next_) {
       const VoxelKey& key = keys_[next_];
       if (key == first) continue;
       faces = detail::ray_faces<S>(grid, first, origin, ends[next_]);
       lanes.target[k] = place(key);
+      // Rounding may leave out the last face along each axis: where that is one of a ray's last three steps, it has
+      // passed the end before it was there.
+      lanes.sure[k] = -4;
+      for (std::size_t i = 0; i < 3; ++i) lanes.sure[k] += std::abs(int(key[i]) - int(first[i]));
       found = true;
     }
     const std::int64_t row = size_[0], plane = row * size_[1];
@@ -156,28 +163,41 @@ class RayBits {
                sx = std::bit_cast<Mask>(l.sx), sy = std::bit_cast<Mask>(l.sy), sz = std::bit_cast<Mask>(l.sz);
     const std::int64_t target_a = l.target[0], target_b = l.target[1];
     std::uint64_t* const words = words_.data();
-    for (;;) {
+    const auto step = [&] {
       const Mask x_before_y = less(tx, ty);
       const Mask x = x_before_y & less(tx, tz), y = ~x_before_y & less(ty, tz), z = ~(x | y);
       at += std::bit_cast<Long2>((sx & x) | (sy & y) | (sz & z));
       tx += std::bit_cast<Double2>(dx & x);
       ty += std::bit_cast<Double2>(dy & y);
       tz += std::bit_cast<Double2>(dz & z);
+    };
+    const auto mark_both = [&](std::int64_t a, std::int64_t b) {
+      // Nearly every voxel was passed before, and what is not written need not be waited for by the next ray's reading.
+      if ((words[a >> 6] >> (a & 63) & words[b >> 6] >> (b & 63) & 1) != 0) [[likely]] return;
+      words[a >> 6] |= std::uint64_t(1) << (a & 63);
+      words[b >> 6] |= std::uint64_t(1) << (b & 63);
+    };
+    std::int64_t steps = std::max(std::min(l.sure[0], l.sure[1]), std::int64_t(0));
+    for (std::int64_t k = steps; k > 0; --k) {
+      step();
+      mark_both(at[0], at[1]);
+    }
+    for (;;) {
+      step();
+      ++steps;
       const Mask past = less(reach, tx) & less(reach, ty) & less(reach, tz);
       const auto now = std::bit_cast<Long2>(std::bit_cast<Mask>(at) | past);
       const std::int64_t a = now[0], b = now[1];
-      if (a == target_a || b == target_b || (a | b) < 0) [[unlikely]] {
+      if (a == target_a || b == target_b || (a | b) < 0) {
         l.tx = tx;
         l.ty = ty;
         l.tz = tz;
         l.at = at;
+        l.sure[0] -= steps;
+        l.sure[1] -= steps;
         return {a, b};
       }
-      // Nearly every voxel was passed before, and what is not written need not be waited for by the next ray's reading.
-      if ((words[a >> 6] >> (a & 63) & words[b >> 6] >> (b & 63) & 1) == 0) [[unlikely]] {
-        words[a >> 6] |= std::uint64_t(1) << (a & 63);
-        words[b >> 6] |= std::uint64_t(1) << (b & 63);
-      }
+      mark_both(a, b);
     }
   }
 
