@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Rival of the questions to a map: OctoMap's OcTree. It has no search for the nearest obstacle; what stands for it is a
-// look at the occupied leaves of a box that is doubled until the nearest one in it is nearer than the box's sides.
+// Rival of the questions to a map: OctoMap's OcTree. It has no search for the nearest obstacle; what stands
+// for it is a look at the occupied leaves of a box that is doubled until the nearest one in it is nearer than
+// the box's sides.
 #pragma once
 
 #include <octomap/OcTree.h>
@@ -21,7 +22,8 @@ inline void insert_voxels(octomap::OcTree& tree, const ScanVoxels& scan) {
   for (const std::uint32_t b : scan.order()) {
     const ScanBlock& block = scan.block(b);
     for (std::size_t i = 0; i < 512; ++i) {
-      const bool hit = (block.hit[i >> 6] >> (i & 63) & 1) != 0, miss = (block.miss[i >> 6] >> (i & 63) & 1) != 0;
+      const bool hit = (block.hit[i >> 6] >> (i & 63) & 1) != 0,
+                 miss = (block.miss[i >> 6] >> (i & 63) & 1) != 0;
       if (!hit && !miss) continue;
       const VoxelKey low = block.key(), offset = ScanVoxels::offset_in_block(i);
       octomap::OcTreeKey key;
@@ -35,11 +37,13 @@ inline void insert_voxels(octomap::OcTree& tree, const ScanVoxels& scan) {
 }
 
 /// Distance to the nearest occupied leaf; infinity where there is none within `most`.
-[[nodiscard]] inline double nearest_in_boxes(const octomap::OcTree& tree, const Eigen::Vector3d& p, double most) {
+[[nodiscard]] inline double nearest_in_boxes(const octomap::OcTree& tree, const Eigen::Vector3d& p,
+                                             double most) {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   for (double reach = 0.4;; reach *= 2) {
     const auto corner = [&](double sign) {
-      return octomap::point3d(static_cast<float>(p.x() + sign * reach), static_cast<float>(p.y() + sign * reach),
+      return octomap::point3d(static_cast<float>(p.x() + sign * reach),
+                              static_cast<float>(p.y() + sign * reach),
                               static_cast<float>(p.z() + sign * reach));
     };
     double best = kNone;

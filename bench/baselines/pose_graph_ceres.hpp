@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Rival of optimize_pose_graph: Ceres as its pose-graph example does it, the rotation a quaternion with its manifold.
-// Its error (translation and twice the vector part of the relative rotation) is that of dynslam to first order.
+// Rival of optimize_pose_graph: Ceres as its pose-graph example does it, the rotation a quaternion with its
+// manifold. Its error (translation and twice the vector part of the relative rotation) is that of dynslam to
+// first order.
 #pragma once
 
 #include <ceres/ceres.h>
@@ -47,8 +48,8 @@ struct PoseGraphCost {
     const auto i = static_cast<std::size_t>(e.i), j = static_cast<std::size_t>(e.j);
     const Eigen::Matrix<double, 6, 6> root = e.information.llt().matrixU();
     problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<PoseGraphCost, 6, 4, 3, 4, 3>(new PoseGraphCost{e.T_j_i, root}), nullptr,
-        q[i].coeffs().data(), t[i].data(), q[j].coeffs().data(), t[j].data());
+        new ceres::AutoDiffCostFunction<PoseGraphCost, 6, 4, 3, 4, 3>(new PoseGraphCost{e.T_j_i, root}),
+        nullptr, q[i].coeffs().data(), t[i].data(), q[j].coeffs().data(), t[j].data());
     problem.SetManifold(q[i].coeffs().data(), manifold);
     problem.SetManifold(q[j].coeffs().data(), manifold);
   }

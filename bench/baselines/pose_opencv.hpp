@@ -34,7 +34,8 @@ class OpenCvPose {
     cv::solvePnPRefineLM(points_, pixels_, K_, cv::noArray(), rotation_, translation_);
     return pose();
   }
-  /// solvePnPRansac with OpenCV's defaults but for the bound [px]. @param method  cv::SolvePnPMethod or a method of USAC
+  /// solvePnPRansac with OpenCV's defaults but for the bound [px]. @param method  cv::SolvePnPMethod or a
+  /// method of USAC
   [[nodiscard]] SE3d ransac(int method, double bound) {
     inliers_.clear();
     if (!cv::solvePnPRansac(points_, pixels_, K_, cv::noArray(), rotation_, translation_, false, 100,

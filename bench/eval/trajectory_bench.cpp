@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Absolute and relative error of 2000 poses at 30 Hz against a ground truth at 100 Hz, beside TUM's scripts, line by line
-// in C++ (which ask all pairs of stamps). The absolute error is the same number.
+// Absolute and relative error of 2000 poses at 30 Hz against a ground truth at 100 Hz, beside TUM's scripts,
+// line by line in C++ (which ask all pairs of stamps). The absolute error is the same number.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -29,8 +29,7 @@ Trajectories<S> make() {
                 Eigen::Vector3d(std::sin(t), 0.3 * std::cos(3 * t), 0.1 * t));
   };
   Trajectories<S> out;
-  for (int k = 0; k < 6667; ++k)
-    out.truth.push_back({1000 + 0.01 * k, at(0.01 * k).template cast<S>(), 0});
+  for (int k = 0; k < 6667; ++k) out.truth.push_back({1000 + 0.01 * k, at(0.01 * k).template cast<S>(), 0});
   for (int k = 0; k < 2000; ++k) {
     const double t = k / 30.0 + random.uniform(-0.002, 0.002);
     Eigen::Matrix<double, 6, 1> noise;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A thousand descriptors of one image against a thousand of another: all pairs, and those within 40 pixels of where each
-// is expected (search by projection), beside OpenCV's brute-force matcher (in the second case with a mask of the pairs,
-// made once) and bytes counted by a table. Every best match is the one that a look at all pairs finds.
+// A thousand descriptors of one image against a thousand of another: all pairs, and those within 40 pixels of
+// where each is expected (search by projection), beside OpenCV's brute-force matcher (in the second case with
+// a mask of the pairs, made once) and bytes counted by a table. Every best match is the one that a look at
+// all pairs finds.
 #include <benchmark/benchmark.h>
 
 #include <array>

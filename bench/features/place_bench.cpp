@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Which keyframe shows this place, among 100, 1000 and 10000 of 200 descriptors each, beside OpenCV's LSH index and a
-// look at all of them. The image has another view of one keyframe's descriptors, which has to win.
+// Which keyframe shows this place, among 100, 1000 and 10000 of 200 descriptors each, beside OpenCV's LSH
+// index and a look at all of them. The image has another view of one keyframe's descriptors, which has to
+// win.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -87,10 +88,11 @@ void look_at_all(benchmark::State& state, int keyframes) {
       int votes = 0;
       const auto first = in.descriptors.begin() + static_cast<std::ptrdiff_t>(kPerKeyframe) * k;
       for (const Descriptor& d : in.image) {
-        votes += std::any_of(first, first + kPerKeyframe,
-                             [&](const Descriptor& other) { return hamming_distance(d, other) <= kMaxDistance; })
-                     ? 1
-                     : 0;
+        votes +=
+            std::any_of(first, first + kPerKeyframe,
+                        [&](const Descriptor& other) { return hamming_distance(d, other) <= kMaxDistance; })
+                ? 1
+                : 0;
       }
       best = std::max(best, std::pair(votes, k));
     }

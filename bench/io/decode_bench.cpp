@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Decoding 640 x 480 PNGs, 8 bit colour and 16 bit depth: what the runtime does with the bytes of a file (checks of the
-// file included) beside OpenCV's imdecode. The images are recorded ones where DYNSLAM_DATA names the data, made-up ones
-// otherwise; each is decoded to the same pixels.
+// Decoding 640 x 480 PNGs, 8 bit colour and 16 bit depth: what the runtime does with the bytes of a file
+// (checks of the file included) beside OpenCV's imdecode. The images are recorded ones where DYNSLAM_DATA
+// names the data, made-up ones otherwise; each is decoded to the same pixels.
 #include <benchmark/benchmark.h>
 
 #ifdef DYNSLAM_BENCH_OPENCV
@@ -33,7 +33,8 @@ cv::Mat made_up(bool colour) {
         const auto grey = [&] { return static_cast<std::uint8_t>(128 + 80 * wave + random.uniform(-5, 5)); };
         image.at<cv::Vec3b>(v, u) = {grey(), grey(), grey()};
       } else {
-        image.at<std::uint16_t>(v, u) = static_cast<std::uint16_t>(10000 + 2000 * wave + random.uniform(-20, 20));
+        image.at<std::uint16_t>(v, u) =
+            static_cast<std::uint16_t>(10000 + 2000 * wave + random.uniform(-20, 20));
       }
     }
   }
@@ -44,12 +45,13 @@ cv::Mat made_up(bool colour) {
 std::string encoded(bool colour) {
   const char* data = std::getenv("DYNSLAM_DATA");
   if (data != nullptr) {
-    const auto folder = std::filesystem::path(data) / "tum/rgbd_dataset_freiburg1_xyz_first200" /
-                        (colour ? "rgb" : "depth");
+    const auto folder =
+        std::filesystem::path(data) / "tum/rgbd_dataset_freiburg1_xyz_first200" / (colour ? "rgb" : "depth");
     std::filesystem::path first;
     if (std::filesystem::is_directory(folder)) {
       for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-        if (entry.path().extension() == ".png" && (first.empty() || entry.path() < first)) first = entry.path();
+        if (entry.path().extension() == ".png" && (first.empty() || entry.path() < first))
+          first = entry.path();
       }
     }
     if (!first.empty()) return runtime::read_file(first);
@@ -81,7 +83,8 @@ void time_decoder(benchmark::State& state, bool colour, const Decode& decode) {
     const cv::Mat image = decode(bytes);
     benchmark::DoNotOptimize(image.data);
   }
-  state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(expected.total() * expected.elemSize()));
+  state.SetBytesProcessed(state.iterations() *
+                          static_cast<std::int64_t>(expected.total() * expected.elemSize()));
   state.counters["file_bytes"] = static_cast<double>(bytes.size());
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Insertion of keyframes into a semantic octree, beside OctoMap's ColorOcTree with the same points, range and
-// resolution, and the voxel block map. The keyframes are recorded ones (fr1_xyz, all pixels) where DYNSLAM_DATA names the
-// data, a made-up room otherwise. A ray goes to each point, or to each voxel that holds points (OctoMap's
-// `discretize`).
+// resolution, and the voxel block map. The keyframes are recorded ones (fr1_xyz, all pixels) where
+// DYNSLAM_DATA names the data, a made-up room otherwise. A ray goes to each point, or to each voxel that
+// holds points (OctoMap's `discretize`).
 #include <benchmark/benchmark.h>
 
 #ifdef DYNSLAM_BENCH_OCTOMAP
@@ -141,10 +141,12 @@ const bool registered = [] {
   constexpr auto kUnit = benchmark::kMillisecond;
   for (const int mm : {50, 20}) {
     for (const bool discretize : {false, true}) {
-      const Case c{"insertion/" + std::to_string(mm / 10) + (discretize ? "cm_ray_per_voxel" : "cm_ray_per_point"),
-                   1e-3 * mm, discretize};
+      const Case c{
+          "insertion/" + std::to_string(mm / 10) + (discretize ? "cm_ray_per_voxel" : "cm_ray_per_point"),
+          1e-3 * mm, discretize};
       const auto add = [&](const char* who, auto f) {
-        bench::add(c.name, "float", who, [=](benchmark::State& s) { f(s, c); }, kUnit);
+        bench::add(
+            c.name, "float", who, [=](benchmark::State& s) { f(s, c); }, kUnit);
       };
       add("dynslam", semantic_tree);
       add("octomap", [](auto& s, const Case& of) { color_octree(s, of, false); });

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Five keyframes of 640 x 480 with depth, colour and labels, the paper's way into its map: which pixels become map (every
-// second, away from edges), the voxels that they hit and pass, and these into the semantic octree or the voxel block map;
-// beside ColorOcTree with every second pixel (a ray per voxel, no labels). The keyframes are recorded ones (fr1_xyz) where
-// DYNSLAM_DATA names the data, views of a wavy wall otherwise.
+// Five keyframes of 640 x 480 with depth, colour and labels, the paper's way into its map: which pixels
+// become map (every second, away from edges), the voxels that they hit and pass, and these into the semantic
+// octree or the voxel block map; beside ColorOcTree with every second pixel (a ray per voxel, no labels). The
+// keyframes are recorded ones (fr1_xyz) where DYNSLAM_DATA names the data, views of a wavy wall otherwise.
 #include <benchmark/benchmark.h>
 
 #ifdef DYNSLAM_BENCH_OCTOMAP
@@ -35,7 +35,8 @@ struct Keyframes {
 
   Keyframes() {
     for (int v = 0; v < 480; ++v) {
-      for (int u = 0; u < 640; ++u) labels(u, v) = static_cast<std::uint8_t>((u / 160 + v / 160) % 2 == 0 ? 2 : 3);
+      for (int u = 0; u < 640; ++u)
+        labels(u, v) = static_cast<std::uint8_t>((u / 160 + v / 160) % 2 == 0 ? 2 : 3);
     }
     const auto folder = test::recorded_sequence("rgbd_dataset_freiburg1_xyz_first200");
     if (!folder) {
@@ -67,7 +68,8 @@ struct Keyframes {
       }
       depth.push_back(z);
       bgr.push_back(colours);
-      T_w_c.push_back(SE3d(SO3d::exp(Eigen::Vector3d(0, 0.05 * k, 0)), Eigen::Vector3d(0.02 * k, 0.01, 0.013)));
+      T_w_c.push_back(
+          SE3d(SO3d::exp(Eigen::Vector3d(0, 0.05 * k, 0)), Eigen::Vector3d(0.02 * k, 0.01, 0.013)));
     }
   }
 };
@@ -159,12 +161,18 @@ void color_octree(benchmark::State& state) {
 const bool registered = [] {
   constexpr const char* kWhat = "insertion/5_labelled_keyframes_5cm";
   constexpr auto kUnit = benchmark::kMillisecond;
-  bench::add(kWhat, "float", "dynslam", [](benchmark::State& s) {
-    ours<interop::SemanticOcTree>(s, [] { return interop::SemanticOcTree(kEdge); });
-  }, kUnit);
-  bench::add(kWhat, "float", "dynslam_block_map", [](benchmark::State& s) {
-    ours<VoxelBlockMap<float>>(s, [] { return VoxelBlockMap<float>(VoxelGrid(kEdge)); });
-  }, kUnit);
+  bench::add(
+      kWhat, "float", "dynslam",
+      [](benchmark::State& s) {
+        ours<interop::SemanticOcTree>(s, [] { return interop::SemanticOcTree(kEdge); });
+      },
+      kUnit);
+  bench::add(
+      kWhat, "float", "dynslam_block_map",
+      [](benchmark::State& s) {
+        ours<VoxelBlockMap<float>>(s, [] { return VoxelBlockMap<float>(VoxelGrid(kEdge)); });
+      },
+      kUnit);
   bench::add(kWhat, "float", "octomap_lazy", color_octree, kUnit);
   return true;
 }();

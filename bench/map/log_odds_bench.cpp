@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The update of a million voxels by a scan that hits one in eight (Eq 12), beside OctoMap's update of as many nodes and
-// the recursion on probabilities (Eq 9), which gives the same probability between the bounds.
+// The update of a million voxels by a scan that hits one in eight (Eq 12), beside OctoMap's update of as many
+// nodes and the recursion on probabilities (Eq 9), which gives the same probability between the bounds.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -66,7 +66,8 @@ void ours(benchmark::State& state) {
   time_update(
       state, [&](std::size_t i, std::size_t hit) { cells[i].update(log_odds.of[hit], params); },
       [&](std::size_t i) { return static_cast<double>(cells[i].log_odds()); });
-  state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(kVoxels * (2 * sizeof(cells[0]) + 1)));
+  state.SetBytesProcessed(state.iterations() *
+                          static_cast<std::int64_t>(kVoxels * (2 * sizeof(cells[0]) + 1)));
 }
 
 template <class S>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What a planner pays for an answer, from a map of a room and some clusters up to hundreds of metres away: coarse cells,
-// rays, the nearest obstacle; the voxel block map and the semantic octree, beside OctoMap, and a look at every voxel
-// (scalar). Every answer is compared with the rival's.
+// What a planner pays for an answer, from a map of a room and some clusters up to hundreds of metres away:
+// coarse cells, rays, the nearest obstacle; the voxel block map and the semantic octree, beside OctoMap, and
+// a look at every voxel (scalar). Every answer is compared with the rival's.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -94,9 +94,9 @@ void cell_by_voxels(benchmark::State& state, int level) {
     for (int z = 0; z < n; ++z) {
       for (int y = 0; y < n; ++y) {
         for (int x = 0; x < n; ++x) {
-          const auto voxel = BlockMap::map().at({{static_cast<std::uint16_t>(low[0] + x),
-                                                  static_cast<std::uint16_t>(low[1] + y),
-                                                  static_cast<std::uint16_t>(low[2] + z)}});
+          const auto voxel = BlockMap::map().at(
+              {{static_cast<std::uint16_t>(low[0] + x), static_cast<std::uint16_t>(low[1] + y),
+                static_cast<std::uint16_t>(low[2] + z)}});
           if (voxel.state != Occupancy::unknown) largest = std::max(largest, voxel.log_odds);
         }
       }
@@ -192,8 +192,9 @@ void octomap_nearest(benchmark::State& state, double metres) {
 template <class Map>
 void register_map(const char* who) {
   for (const int level : {0, 4, 8})
-    bench::add("map_cell/level_" + std::to_string(level), "float", who,
-               [=](benchmark::State& s) { cell<Map>(s, level); }, benchmark::kNanosecond);
+    bench::add(
+        "map_cell/level_" + std::to_string(level), "float", who,
+        [=](benchmark::State& s) { cell<Map>(s, level); }, benchmark::kNanosecond);
   for (const int level : {0, 2})
     bench::add("map_ray/level_" + std::to_string(level), "float", who,
                [=](benchmark::State& s) { ray<Map>(s, level); });
@@ -207,8 +208,9 @@ const bool registered = [] {
 #ifdef DYNSLAM_BENCH_OCTOMAP
   register_map<SemanticTree>("dynslam_octree");
   for (const int level : {0, 4, 8})
-    bench::add("map_cell/level_" + std::to_string(level), "float", "octomap",
-               [=](benchmark::State& s) { octomap_cell(s, level); }, benchmark::kNanosecond);
+    bench::add(
+        "map_cell/level_" + std::to_string(level), "float", "octomap",
+        [=](benchmark::State& s) { octomap_cell(s, level); }, benchmark::kNanosecond);
   bench::add("map_ray/level_0", "float", "octomap", octomap_ray);
   for (const double metres : {0.2, 2.0, 20.0})
     bench::add("map_nearest/" + std::to_string(int(100 * metres)) + "cm", "float", "octomap",

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What memory gives: a copy of as many bytes as an image of floats, of a million voxels' log-odds and of what no cache
-// holds. docs/benchmarks.md states bytes per second of memory-bound kernels beside these.
+// What memory gives: a copy of as many bytes as an image of floats, of a million voxels' log-odds and of what
+// no cache holds. docs/benchmarks.md states bytes per second of memory-bound kernels beside these.
 #include <benchmark/benchmark.h>
 
 #include <cstddef>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Adjustment of a window of 10 keyframes and 2000 points (the gauge included), until the cost falls by less than a
-// millionth, beside Ceres with the same residuals, loss and criterion. The final cost may be no more than a thousandth
-// (Ceres' own spread) above that of the minimum.
+// Adjustment of a window of 10 keyframes and 2000 points (the gauge included), until the cost falls by less
+// than a millionth, beside Ceres with the same residuals, loss and criterion. The final cost may be no more
+// than a thousandth (Ceres' own spread) above that of the minimum.
 #include <vector>
 
 #ifdef DYNSLAM_BENCH_CERES
@@ -77,11 +77,17 @@ void ceres_schur(benchmark::State& state, ceres::LinearSolverType solver) {
 
 const bool registered = [] {
   constexpr auto kUnit = benchmark::kMillisecond;
-  bench::add(kWhat, "double", "dynslam", [](benchmark::State& s) { ours<double>(s); }, kUnit);
-  bench::add(kWhat, "float", "dynslam", [](benchmark::State& s) { ours<float>(s); }, kUnit);
+  bench::add(
+      kWhat, "double", "dynslam", [](benchmark::State& s) { ours<double>(s); }, kUnit);
+  bench::add(
+      kWhat, "float", "dynslam", [](benchmark::State& s) { ours<float>(s); }, kUnit);
 #ifdef DYNSLAM_BENCH_CERES
-  bench::add(kWhat, "double", "ceres_dense_schur", [](benchmark::State& s) { ceres_schur(s, ceres::DENSE_SCHUR); }, kUnit);
-  bench::add(kWhat, "double", "ceres_sparse_schur", [](benchmark::State& s) { ceres_schur(s, ceres::SPARSE_SCHUR); }, kUnit);
+  bench::add(
+      kWhat, "double", "ceres_dense_schur", [](benchmark::State& s) { ceres_schur(s, ceres::DENSE_SCHUR); },
+      kUnit);
+  bench::add(
+      kWhat, "double", "ceres_sparse_schur", [](benchmark::State& s) { ceres_schur(s, ceres::SPARSE_SCHUR); },
+      kUnit);
 #endif
   return true;
 }();

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Poses from 300 known points. Least squares from a guess, on pixels alone (all that solvePnPRefineLM takes) and with
-// depth; robust with 15 % gross outliers; by consensus with 15 and 40 % of them, with a prediction (pose_consensus,
-// until an outlier-free sample was drawn with a probability of 99 %, as OpenCV does it, or all 120 samples) and
-// without (absolute_pose). Each answer is compared with the truth, and an inlier set with the true one.
+// Poses from 300 known points. Least squares from a guess, on pixels alone (all that solvePnPRefineLM takes)
+// and with depth; robust with 15 % gross outliers; by consensus with 15 and 40 % of them, with a prediction
+// (pose_consensus, until an outlier-free sample was drawn with a probability of 99 %, as OpenCV does it, or
+// all 120 samples) and without (absolute_pose). Each answer is compared with the truth, and an inlier set
+// with the true one.
 #include <string>
 #include <vector>
 
@@ -135,7 +136,8 @@ void ours_absolute(benchmark::State& state, double outliers) {
     const auto found = absolute_pose<S>(camera, problem.observations, {}, workspace);
     PoseOptions<S> options;
     options.rounds = 1;
-    return optimize_pose<S>(camera, problem.observations, found.T_c_w, options, TDistribution<S>(), refinement)
+    return optimize_pose<S>(camera, problem.observations, found.T_c_w, options, TDistribution<S>(),
+                            refinement)
         .T_c_w;
   });
 }
@@ -152,7 +154,8 @@ template <class S>
 void register_ours() {
   const char* name = bench::kScalarName<S>;
   const auto least_squares = [=](const char* what, bool depth) {
-    bench::add(what, name, "dynslam", [=](benchmark::State& s) { ours<S>(s, 0, depth, 1, SquaredLoss<S>()); });
+    bench::add(what, name, "dynslam",
+               [=](benchmark::State& s) { ours<S>(s, 0, depth, 1, SquaredLoss<S>()); });
   };
   least_squares("pose_only/300_pixels", false);
   least_squares("pose_only/300_depth", true);
@@ -163,9 +166,12 @@ void register_ours() {
   for (const int percent : {15, 40}) {
     const std::string size = "/300_" + std::to_string(percent) + "_percent_wrong";
     const double outliers = 0.01 * percent;
-    bench::add("pose_consensus" + size, name, "dynslam", [=](benchmark::State& s) { ours_consensus<S>(s, outliers, 0.99); });
-    bench::add("pose_consensus_120" + size, name, "dynslam", [=](benchmark::State& s) { ours_consensus<S>(s, outliers, 0); });
-    bench::add("absolute_pose" + size, name, "dynslam", [=](benchmark::State& s) { ours_absolute<S>(s, outliers); });
+    bench::add("pose_consensus" + size, name, "dynslam",
+               [=](benchmark::State& s) { ours_consensus<S>(s, outliers, 0.99); });
+    bench::add("pose_consensus_120" + size, name, "dynslam",
+               [=](benchmark::State& s) { ours_consensus<S>(s, outliers, 0); });
+    bench::add("absolute_pose" + size, name, "dynslam",
+               [=](benchmark::State& s) { ours_absolute<S>(s, outliers); });
   }
 }
 
@@ -173,11 +179,14 @@ const bool registered = [] {
   register_ours<double>();
   register_ours<float>();
 #ifdef DYNSLAM_BENCH_CERES
-  bench::add("pose_only/300_pixels", "double", "ceres", [](benchmark::State& s) { ceres_solver(s, 0, false, false); });
-  bench::add("pose_only/300_depth", "double", "ceres", [](benchmark::State& s) { ceres_solver(s, 0, true, false); });
+  bench::add("pose_only/300_pixels", "double", "ceres",
+             [](benchmark::State& s) { ceres_solver(s, 0, false, false); });
+  bench::add("pose_only/300_depth", "double", "ceres",
+             [](benchmark::State& s) { ceres_solver(s, 0, true, false); });
   for (const char* what : {"pose_only/300_robust", "pose_only/300_robust_3_rounds"})
     bench::add(what, "double", "ceres", [](benchmark::State& s) { ceres_solver(s, 0.15, true, true); });
-  bench::add("pose_only/300_pixels", "double", "ceres_tiny", [](benchmark::State& s) { ceres_tiny(s, false); });
+  bench::add("pose_only/300_pixels", "double", "ceres_tiny",
+             [](benchmark::State& s) { ceres_tiny(s, false); });
   bench::add("pose_only/300_depth", "double", "ceres_tiny", [](benchmark::State& s) { ceres_tiny(s, true); });
 #endif
 #ifdef DYNSLAM_BENCH_OPENCV
@@ -186,9 +195,12 @@ const bool registered = [] {
     for (const char* family : {"pose_consensus", "pose_consensus_120", "absolute_pose"}) {
       const std::string what = std::string(family) + "/300_" + std::to_string(percent) + "_percent_wrong";
       const double outliers = 0.01 * percent;
-      bench::add(what, "double", "opencv_p3p", [=](benchmark::State& s) { opencv_ransac(s, outliers, cv::SOLVEPNP_AP3P); });
-      bench::add(what, "double", "opencv_epnp", [=](benchmark::State& s) { opencv_ransac(s, outliers, cv::SOLVEPNP_EPNP); });
-      bench::add(what, "double", "opencv_usac", [=](benchmark::State& s) { opencv_ransac(s, outliers, cv::USAC_DEFAULT); });
+      bench::add(what, "double", "opencv_p3p",
+                 [=](benchmark::State& s) { opencv_ransac(s, outliers, cv::SOLVEPNP_AP3P); });
+      bench::add(what, "double", "opencv_epnp",
+                 [=](benchmark::State& s) { opencv_ransac(s, outliers, cv::SOLVEPNP_EPNP); });
+      bench::add(what, "double", "opencv_usac",
+                 [=](benchmark::State& s) { opencv_ransac(s, outliers, cv::USAC_DEFAULT); });
     }
   }
 #endif

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A loop of 1000 keyframes: a way around a circle with noise and drift, edges to the last two keyframes and, as often
-// as a place is seen again, 50 across; beside Ceres with the same information matrices. Both answers are compared by
-// dynslam's cost.
+// A loop of 1000 keyframes: a way around a circle with noise and drift, edges to the last two keyframes and,
+// as often as a place is seen again, 50 across; beside Ceres with the same information matrices. Both answers
+// are compared by dynslam's cost.
 #include <cmath>
 #include <cstdint>
 #include <numbers>
@@ -75,8 +75,9 @@ double cost_of(const std::vector<SE3d>& poses) {
   static const auto loop = make_loop<double>();
   double sum = 0;
   for (const auto& e : loop.edges) {
-    const auto r = pose_graph_residual<double>(poses[static_cast<std::size_t>(e.i)],
-                                               poses[static_cast<std::size_t>(e.j)], e.T_j_i, nullptr, nullptr);
+    const auto r =
+        pose_graph_residual<double>(poses[static_cast<std::size_t>(e.i)],
+                                    poses[static_cast<std::size_t>(e.j)], e.T_j_i, nullptr, nullptr);
     sum += r.dot(e.information * r);
   }
   return sum;
@@ -136,10 +137,13 @@ void ceres_sparse(benchmark::State& state) {
 
 const bool registered = [] {
   constexpr auto kUnit = benchmark::kMillisecond;
-  bench::add("pose_graph/1000", "double", "dynslam", [](benchmark::State& s) { ours<double>(s, 1e-3); }, kUnit);
-  bench::add("pose_graph/1000", "float", "dynslam", [](benchmark::State& s) { ours<float>(s, 0.2); }, kUnit);
+  bench::add(
+      "pose_graph/1000", "double", "dynslam", [](benchmark::State& s) { ours<double>(s, 1e-3); }, kUnit);
+  bench::add(
+      "pose_graph/1000", "float", "dynslam", [](benchmark::State& s) { ours<float>(s, 0.2); }, kUnit);
 #ifdef DYNSLAM_BENCH_CERES
-  bench::add("pose_graph/1000", "double", "ceres", [](benchmark::State& s) { ceres_sparse(s); }, kUnit);
+  bench::add(
+      "pose_graph/1000", "double", "ceres", [](benchmark::State& s) { ceres_sparse(s); }, kUnit);
 #endif
   return true;
 }();

@@ -16,8 +16,8 @@ inline constexpr const char* kScalarName = std::is_same_v<S, float> ? "float" : 
 /// the rest in common.
 /// @param f  f(benchmark::State&)
 template <class F>
-benchmark::internal::Benchmark* add(const std::string& what, const char* scalar, const std::string& who, F&& f,
-                                    benchmark::TimeUnit unit = benchmark::kMicrosecond) {
+benchmark::internal::Benchmark* add(const std::string& what, const char* scalar, const std::string& who,
+                                    F&& f, benchmark::TimeUnit unit = benchmark::kMicrosecond) {
   return benchmark::RegisterBenchmark((what + '/' + scalar + '/' + who).c_str(), std::forward<F>(f))
       ->Unit(unit);
 }

@@ -10,8 +10,8 @@
 
 namespace dynslam::bench {
 
-/// A window as a tracker leaves it: poses off by a centimetre, points by three, pixels and depths noisy, one sight in
-/// twenty wrong, one in three missing, one depth in five. The first two poses are fixed.
+/// A window as a tracker leaves it: poses off by a centimetre, points by three, pixels and depths noisy, one
+/// sight in twenty wrong, one in three missing, one depth in five. The first two poses are fixed.
 template <class S>
 struct Window {
   std::vector<SE3<S>> poses;
@@ -54,7 +54,8 @@ template <class S>
     for (int i = 0; i < keyframes; ++i) {
       const Eigen::Vector3d p_c = truth[static_cast<std::size_t>(i)] * p;
       auto x = pinhole.project(p_c);
-      if (!x || x->x() < 0 || x->y() < 0 || x->x() > 639 || x->y() > 479 || random.uniform(0, 1) < 0.3) continue;
+      if (!x || x->x() < 0 || x->y() < 0 || x->x() > 639 || x->y() > 479 || random.uniform(0, 1) < 0.3)
+        continue;
       const double sigma_z = 0.001 + 0.0019 * p_c.z() * p_c.z();
       *x += normal_pixel(random, 0.5);
       if (random.uniform(0, 1) < 0.05) *x += normal_pixel(random, 20);

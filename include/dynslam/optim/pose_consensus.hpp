@@ -24,12 +24,12 @@ namespace dynslam {
 
 template <Scalar S>
 struct PoseConsensusOptions {
-  int hypotheses = 120;    ///< minimal samples that are tried
-  S confidence = S(0);     ///< above 0: fewer, once one without an outlier was among them with this probability.
-                           ///< All are tried by default: where several motions compete, the first good one may
-                           ///< be a mover's
-  int iterations = 3;      ///< Gauss-Newton steps per sample, and per refinement
-  S truncation = S(6);     ///< squared normalised error beyond which an observation counts as an outlier
+  int hypotheses = 120;  ///< minimal samples that are tried
+  S confidence = S(0);  ///< above 0: fewer, once one without an outlier was among them with this probability.
+                        ///< All are tried by default: where several motions compete, the first good one may
+                        ///< be a mover's
+  int iterations = 3;   ///< Gauss-Newton steps per sample, and per refinement
+  S truncation = S(6);  ///< squared normalised error beyond which an observation counts as an outlier
   std::uint64_t seed = 1;  ///< same seed, same result
   // How far from its prediction a pose is likely to be. Where little is seen, some samples of it fit any
   // motion.

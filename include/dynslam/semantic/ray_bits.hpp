@@ -18,12 +18,12 @@
 
 namespace dynslam {
 
-/// The voxels that many rays from one origin pass: those that traverse_ray() visits, to the bit, as one bit each in
-/// the box around the rays.
+/// The voxels that many rays from one origin pass: those that traverse_ray() visits, to the bit, as one bit
+/// each in the box around the rays.
 ///
-/// To follow a ray voxel by voxel is a chain of additions and comparisons, each of which waits for the one before.
-/// Two rays side by side, in the two lanes of a vector of doubles (which every x86-64 and arm64 has), take as long as
-/// one; and a bit in a plain array is noted without looking for its block.
+/// To follow a ray voxel by voxel is a chain of additions and comparisons, each of which waits for the one
+/// before. Two rays side by side, in the two lanes of a vector of doubles (which every x86-64 and arm64 has),
+/// take as long as one; and a bit in a plain array is noted without looking for its block.
 class RayBits {
  public:
   static constexpr std::size_t kMostWords = std::size_t(1) << 22;  ///< of the box: 32 MiB
@@ -51,8 +51,8 @@ class RayBits {
     return true;
   }
 
-  /// Calls f(key, bits) for each run of eight voxels along x, from key[0] that is a multiple of 8, of which rays pass
-  /// any (bit i: the voxel key + i), and forgets them.
+  /// Calls f(key, bits) for each run of eight voxels along x, from key[0] that is a multiple of 8, of which
+  /// rays pass any (bit i: the voxel key + i), and forgets them.
   template <class F>
   void drain(F&& f) {
     std::size_t word = 0;
@@ -74,14 +74,14 @@ class RayBits {
   }
 
  private:
-  // Vectors as g++ and clang have them on every machine. What masks select is of 32-bit numbers: for wider ones g++
-  // makes selections out of the conjunctions, which SSE2 has not.
+  // Vectors as g++ and clang have them on every machine. What masks select is of 32-bit numbers: for wider
+  // ones g++ makes selections out of the conjunctions, which SSE2 has not.
   using Double2 = double __attribute__((vector_size(16)));
   using Long2 = std::int64_t __attribute__((vector_size(16)));
   using Mask = std::int32_t __attribute__((vector_size(16)));
 
-  /// Two rays: distances to the next faces, place in words_; as bits the distances between faces and the steps of the
-  /// place.
+  /// Two rays: distances to the next faces, place in words_; as bits the distances between faces and the
+  /// steps of the place.
   struct Lanes {
     Double2 tx, ty, tz, reach;
     Long2 at, dx, dy, dz, sx, sy, sz;
@@ -116,9 +116,7 @@ class RayBits {
     const auto along = [&](std::size_t i) { return std::int64_t(int(key[i]) - low_[i]); };
     return along(0) + size_[0] * (along(1) + size_[1] * along(2));
   }
-  void mark(std::int64_t at) {
-    words_[static_cast<std::size_t>(at >> 6)] |= std::uint64_t(1) << (at & 63);
-  }
+  void mark(std::int64_t at) { words_[static_cast<std::size_t>(at >> 6)] |= std::uint64_t(1) << (at & 63); }
 
   /// @return whether there was a further ray; otherwise lane k stands still at the origin
   template <int k, std::floating_point S>
@@ -133,8 +131,8 @@ class RayBits {
       if (key == first) continue;
       faces = detail::ray_faces<S>(grid, first, origin, ends[next_]);
       lanes.target[k] = place(key);
-      // Rounding may leave out the last face along each axis: where that is one of a ray's last three steps, it has
-      // passed the end before it was there.
+      // Rounding may leave out the last face along each axis: where that is one of a ray's last three steps,
+      // it has passed the end before it was there.
       lanes.sure[k] = -4;
       for (std::size_t i = 0; i < 3; ++i) lanes.sure[k] += std::abs(int(key[i]) - int(first[i]));
       found = true;
@@ -172,8 +170,10 @@ class RayBits {
       tz += std::bit_cast<Double2>(dz & z);
     };
     const auto mark_both = [&](std::int64_t a, std::int64_t b) {
-      // Nearly every voxel was passed before, and what is not written need not be waited for by the next ray's reading.
-      if ((words[a >> 6] >> (a & 63) & words[b >> 6] >> (b & 63) & 1) != 0) [[likely]] return;
+      // Nearly every voxel was passed before, and what is not written need not be waited for by the next
+      // ray's reading.
+      if ((words[a >> 6] >> (a & 63) & words[b >> 6] >> (b & 63) & 1) != 0) [[likely]]
+        return;
       words[a >> 6] |= std::uint64_t(1) << (a & 63);
       words[b >> 6] |= std::uint64_t(1) << (b & 63);
     };
