@@ -102,6 +102,7 @@
 #include "dynslam/semantic/map_query.hpp"
 #include "dynslam/semantic/map_scan.hpp"
 #include "dynslam/semantic/map_voxel.hpp"
+#include "dynslam/semantic/ray_bits.hpp"
 #include "dynslam/semantic/ray_traversal.hpp"
 #include "dynslam/semantic/scan_retention.hpp"
 #include "dynslam/semantic/scan_voxels.hpp"
