@@ -18,6 +18,7 @@ file(RENAME ${WORK}/prefix ${WORK}/moved)
 set(program env -i ${WORK}/moved/bin/dynslam)
 check(${program} synth ${WORK}/sequence --frames 6)
 check(${program} run ${WORK}/sequence --out ${WORK}/out --model ${SOURCE}/models/demo_segmenter.onnx)
+check(${program} info ${WORK}/sequence --camera tum_fr3)  # a preset, by its name
 foreach(file IN ITEMS man/man1/dynslam.1 man/man1/dynslam-run.1 bash-completion/completions/dynslam)
   if(NOT EXISTS ${WORK}/moved/share/${file})
     message(FATAL_ERROR "share/${file} is not installed")

@@ -76,7 +76,8 @@ TEST_CASE("errors are one line on stderr with a non-zero code") {
   check_one_line_error("run " + path + " --out " + path + "/o --model m.onnx --engine tensorrt", 2,
                        "tensorrt");
   check_one_line_error("run " + path + " --out " + path + "/o --dynamics none --camera fr7", 2,
-                       "unknown camera 'fr7'");
+                       "unknown camera 'fr7': neither fr1, fr2, fr3, bonn, azure_kinect, icl_nuim,");
+  CHECK(call("info " + path + " --camera tum_fr3").code == 0);
   check_one_line_error("run " + path + " --out /proc/no --dynamics none", 1, "/proc/no");
   check_one_line_error("eval " + path + "/groundtruth.txt " + path + "/rgb.txt", 1,
                        "rgb.txt:1: expected 8 columns");
