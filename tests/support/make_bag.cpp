@@ -30,9 +30,9 @@ int main(int argc, char** argv) try {
     bag.add("/camera/depth/image", "sensor_msgs/Image", t_depth,
             test::image_message(t_depth, "optical", "32FC1", frame.depth));
     if (i >= sequence.groundtruth.size()) continue;
-    const auto& [t_pose, T_w_c] = sequence.groundtruth[i];
-    bag.add("/tf", "tf/tfMessage", nanoseconds(t_pose),
-            test::tf_message(nanoseconds(t_pose), {{"/world", "/optical", T_w_c}}));
+    const auto& pose = sequence.groundtruth[i];
+    bag.add("/tf", "tf/tfMessage", nanoseconds(pose.t),
+            test::tf_message(nanoseconds(pose.t), {{"/world", "/optical", pose.T_w_c}}));
   }
   std::ofstream out(argv[2], std::ios::binary);
   out << bag.bytes();

@@ -99,9 +99,13 @@ void pair_images(Sequence& sequence, std::shared_ptr<const bag::BagFile> file,
   const auto images = std::make_shared<const BagImages>(file, colour, depth);
   for (const auto& [i, j] :
        associate(sequence.colour_times, sequence.depth_times, options.max_association_difference)) {
-    FrameRecord record{
-        sequence.colour_times[i], sequence.depth_times[j], bag::stamp_text(colour.shots[i].stamp, micro),
-        path(colour, i),          path(depth, j),          {}};
+    FrameRecord record;
+    record.t_rgb = sequence.colour_times[i];
+    record.t_depth = sequence.depth_times[j];
+    record.stamp = bag::stamp_text(colour.shots[i].stamp, micro);
+    record.rgb = path(colour, i);
+    record.depth = path(depth, j);
+    record.ns = static_cast<std::int64_t>(colour.shots[i].stamp);
     record.source = images;
     record.colour_number = i;
     record.depth_number = j;
