@@ -21,9 +21,9 @@ step() {  # mean distance between frames [m]
 
 printf '%-20s %-10s %-9s %5s %9s %12s %9s %7s\n' scene mode size Hz 'step [m]' tracked 'ATE [m]' change
 for scene in empty_xyz empty_halfsphere walking_xyz walking_halfsphere; do
-  mode=none original='' eight=7  # Hz at which the path goes about 8 cm between frames
+  mode=none original='' eight=5  # Hz at which the path goes about 8 cm between frames
   if [[ $scene == walking* ]]; then mode=geometric; fi
-  if [[ $scene == *halfsphere ]]; then eight=10; fi
+  if [[ $scene == *halfsphere ]]; then eight=7; fi
   for row in 640x480@30 320x240@30 848x480@30 1280x720@30 640x480@10 640x480@60 "540x360@$eight"; do
     size=${row%@*} rate=${row#*@} name=${scene}_$row
     sequence=$out/$name/sequence
