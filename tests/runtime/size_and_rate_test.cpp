@@ -40,5 +40,5 @@ TEST_CASE("small images at a low rate are tracked among people who walk") {
 }
 
 TEST_CASE("wide images at a high rate are tracked") {
-  CHECK(error_at(848, 480, 60, 1, "empty", runtime::DynamicsMode::none) < 0.002);
+  CHECK(error_at(848, 480, 60, 1.2, "empty", runtime::DynamicsMode::none) < 0.002);
 }
