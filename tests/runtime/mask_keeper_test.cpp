@@ -103,6 +103,7 @@ TEST_CASE("however long it is carried, a mask does not creep over the floor that
   const Scene scene;
   MaskKeeperOptions options;
   options.max_age = 100;
+  options.most_band = 9;
   MaskKeeper keeper(options);
   const cv::Mat floor(480, 640, CV_32FC1, cv::Scalar(1.6));  // as far away as the object, to 0.1 m
   cv::Mat depth = floor.clone();

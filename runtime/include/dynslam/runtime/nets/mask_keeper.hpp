@@ -16,7 +16,7 @@ struct MaskKeeperOptions {
   int min_points = 6;          ///< fewer followed: the mask is dropped
   float depth_margin = 0.20F;  ///< metres around an object's depth that may be its own
   int band = 3;                ///< pixels around a mask that may be added to it by depth, per image
-  int most_band = 9;           ///< and in all, while it is carried: what stands on a floor is of its depth
+  int most_band = 24;          ///< and in all: a floor is as far away as what stands on it
   double redetected = 0.3;     ///< share of a kept mask under new detections from which it is replaced
   double max_cover = 0.8;      ///< share of the image above which kept masks are given up
 };
