@@ -238,8 +238,7 @@ void Run::take(SegmentedFrame& input) {
        {frame.stamp, result.times, input.segmented.network_ms, input.segmented.keeper_ms, 0, 0, {}});
 }
 
-void Run::note(double t, const std::string& stamp, const TrackResult& result,
-               const RunTimings::Row& times) {
+void Run::note(double t, const std::string& stamp, const TrackResult& result, const RunTimings::Row& times) {
   if (result.mask_rejected != MaskVerdict::kept)
     summary_.masks_rejected.emplace_back(stamp, result.mask_rejected);
   if (result.ok()) {

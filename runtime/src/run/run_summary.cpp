@@ -92,8 +92,8 @@ std::string summary_json(const RunOptions& options, const CameraConfig& camera, 
 void drop_found(const LostFrames& lost, RunSummary& summary) {
   const auto& poses = summary.trajectory;
   const auto found = [&](double t) {
-    const auto at =
-        std::lower_bound(poses.begin(), poses.end(), t, [](const auto& p, double time) { return p.t < time; });
+    const auto at = std::lower_bound(poses.begin(), poses.end(), t,
+                                     [](const auto& p, double time) { return p.t < time; });
     return at != poses.end() && at->t == t;
   };
   // From the end, where places before stay what they are.

@@ -42,8 +42,8 @@ bool stronger(const cv::KeyPoint& a, const cv::KeyPoint& b) {
   return a.pt.x < b.pt.x;
 }
 
-/// Shares features out among the levels of a pyramid, in proportion to their scales; levels that are too small
-/// get none. So the coarsest corners are as coarse a part of the image at every size.
+/// Shares features out among the levels of a pyramid, in proportion to their scales; levels that are too
+/// small get none. So the coarsest corners are as coarse a part of the image at every size.
 /// @param side  smaller side of the image [px]
 std::vector<int> features_per_level(std::span<const float> scales, int features, int side) {
   constexpr float kSmallest = 120;  // pixels of the smaller side; of 8 levels of 640x480 the last has 134
