@@ -76,7 +76,8 @@ TEST_CASE("errors are one line on stderr with a non-zero code") {
   check_one_line_error("run " + path + " --out " + path + "/o --model m.onnx --engine tensorrt", 2,
                        "tensorrt");
   check_one_line_error("run " + path + " --out " + path + "/o --dynamics none --camera fr7", 2,
-                       "unknown camera 'fr7'");
+                       "unknown camera 'fr7': neither fr1, fr2, fr3, bonn, azure_kinect, icl_nuim,");
+  CHECK(call("info " + path + " --camera tum_fr3").code == 0);
   check_one_line_error("run " + path + " --out /proc/no --dynamics none", 1, "/proc/no");
   check_one_line_error("eval " + path + "/groundtruth.txt " + path + "/rgb.txt", 1,
                        "rgb.txt:1: expected 8 columns");
@@ -86,6 +87,8 @@ TEST_CASE("errors are one line on stderr with a non-zero code") {
   check_one_line_error("eval-masks " + path, 1, "holds no PNG masks");
   check_one_line_error("mask-faults " + path + " " + path + "/f --fault upside-down", 2, "upside-down");
   check_one_line_error("synth " + path + "/s --scenario party", 2, "unknown scenario 'party'");
+  check_one_line_error("synth " + path + "/s --size 848", 2, "'848' is not a size as 848x480");
+  check_one_line_error("synth " + path + "/s --size 10x9999", 2, "must be from 64x48 to 4096x4096");
   check_one_line_error("rnu " + path, 2, "unknown command 'rnu', did you mean run?");
   check_one_line_error("run " + path + " --dynamcis none", 2, "--dynamcis, did you mean --dynamics?");
   check_one_line_error("run " + path + " --save-mask --max-frames=2", 2, "did you mean --save-masks?");

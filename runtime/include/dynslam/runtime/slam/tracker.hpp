@@ -128,7 +128,8 @@ class Tracker {
   SE3<double> T_reference_keyframe_;  // and how
   std::size_t last_keyframe_index_ = 0;
   int last_keyframe_tracked_ = 0;
-  cv::Mat resting_;  // people at rest, CV_8UC1
+  cv::Mat resting_;                        // people at rest, CV_8UC1
+  std::optional<double> last_keyframe_t_;  // empty until this run has one [s]
 };
 // A thread of its own adjusts the map through pointers to its members.
 static_assert(!std::is_move_constructible_v<Tracker> && !std::is_move_assignable_v<Tracker>);
