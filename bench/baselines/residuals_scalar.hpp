@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The residual triple and the joint weight as one writes them down from Eqs 3 to 7: a match after another, in one
-// scalar type. Also evaluated with ceres::Jet.
+// The residual triple and the joint weight as one writes them down from Eqs 3 to 7: a match after another, in
+// one scalar type. Also evaluated with ceres::Jet.
 #pragma once
 
 #include <cmath>
@@ -37,10 +37,11 @@ bool plain_bilinear(const Image<std::uint8_t>& image, const T& u, const T& v, in
 /// @param R, t   pose of the reference camera in the present one's frame
 /// @param floor  the integer below a T, as a number
 template <class T, class Floor>
-PlainResidual<T> plain_residual(const PlainCamera& camera, const PlainMatch& m, const Image<std::uint8_t>& reference,
-                                const Image<std::uint8_t>& gray, const Image<float>& depth,
-                                const Eigen::Matrix<T, 3, 3>& R, const Eigen::Matrix<T, 3, 1>& t,
-                                const Eigen::Vector3d& sigma, double nu, const Floor& floor) {
+PlainResidual<T> plain_residual(const PlainCamera& camera, const PlainMatch& m,
+                                const Image<std::uint8_t>& reference, const Image<std::uint8_t>& gray,
+                                const Image<float>& depth, const Eigen::Matrix<T, 3, 3>& R,
+                                const Eigen::Matrix<T, 3, 1>& t, const Eigen::Vector3d& sigma, double nu,
+                                const Floor& floor) {
   using std::sqrt;
   PlainResidual<T> r{T(0.0), T(0.0), T(0.0), T(0.0)};
   const Eigen::Matrix<T, 3, 1> p = R * m.p.cast<T>() + t;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A frame's work: static_weights of its matches, and MotionSegmenter as a whole, over 20 rendered frames of 640 x 480
-// with a board that is carried through a room. Nothing else computes the same; the times are for comparing versions.
+// A frame's work: static_weights of its matches, and MotionSegmenter as a whole, over 20 rendered frames of
+// 640 x 480 with a board that is carried through a room. Nothing else computes the same; the times are for
+// comparing versions.
 #include <benchmark/benchmark.h>
 
 #include <vector>
@@ -55,14 +56,15 @@ void weights(benchmark::State& state) {
     const auto there = match ? camera.project(T * match->p_ref) : std::nullopt;
     if (!there) continue;
     matches.push_back(*match);
-    matches.back().x_m = *there + Eigen::Matrix<S, 2, 1>(S(random.uniform(-0.5, 0.5)), S(random.uniform(-0.5, 0.5)));
+    matches.back().x_m =
+        *there + Eigen::Matrix<S, 2, 1>(S(random.uniform(-0.5, 0.5)), S(random.uniform(-0.5, 0.5)));
     if (random.uniform(0, 1) < 0.2) matches.back().x_m += Eigen::Matrix<S, 2, 1>(S(15), S(-9));
   }
   StaticWeightsWorkspace<S> workspace;
   const StaticWeightsOptions<S> options;
   const auto run = [&]() -> const StaticWeightsResult<S>& {
-    return static_weights(camera, std::span<const KeypointMatch<S>>(matches), reference.gray, present.gray, present.depth,
-                          T, options, workspace);
+    return static_weights(camera, std::span<const KeypointMatch<S>>(matches), reference.gray, present.gray,
+                          present.depth, T, options, workspace);
   };
   const auto& first = run();
   const int moved = first.dynamic_matches + first.mismatches;
@@ -75,7 +77,9 @@ void weights(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * kMatches);
 }
 BENCHMARK(weights<float>)->Name("dynamics/static_weights_1000/float/dynslam")->Unit(benchmark::kMicrosecond);
-BENCHMARK(weights<double>)->Name("dynamics/static_weights_1000/double/dynslam")->Unit(benchmark::kMicrosecond);
+BENCHMARK(weights<double>)
+    ->Name("dynamics/static_weights_1000/double/dynslam")
+    ->Unit(benchmark::kMicrosecond);
 
 template <class S>
 void segmenter(benchmark::State& state) {
@@ -99,10 +103,12 @@ void segmenter(benchmark::State& state) {
   // The first frames have no past to be compared with.
   if (!(found > 0.3 * moving)) state.SkipWithError("the board was not found");
   state.counters["recall"] = found / moving;
-  state.counters["time_per_frame"] =
-      benchmark::Counter(kFrames, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.counters["time_per_frame"] = benchmark::Counter(
+      kFrames, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
-BENCHMARK(segmenter<float>)->Name("dynamics/motion_segmenter_20_frames/float/dynslam")->Unit(benchmark::kMillisecond);
+BENCHMARK(segmenter<float>)
+    ->Name("dynamics/motion_segmenter_20_frames/float/dynslam")
+    ->Unit(benchmark::kMillisecond);
 
 }  // namespace
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The errors of 1000 keypoints and their joint weight (Eqs 3, 5, 6 and 7), beside a plain loop in double, Ceres'
-// automatic differentiation of the same by the pose, and the part of it that OpenCV has: projection, remap of the
-// grey image and the difference.
+// The errors of 1000 keypoints and their joint weight (Eqs 3, 5, 6 and 7), beside a plain loop in double,
+// Ceres' automatic differentiation of the same by the pose, and the part of it that OpenCV has: projection,
+// remap of the grey image and the difference.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -60,7 +60,8 @@ struct Problem {
       const Eigen::Vector2d x_m = *pinhole.project(T * p) + noise;
       matches.push_back({x, p, x_m});
       truth.push_back(bench::plain_residual<double>(camera, matches.back(), reference, gray, depth,
-                                                    T.rotation_matrix(), T.translation(), kSigma, kNu, below));
+                                                    T.rotation_matrix(), T.translation(), kSigma, kNu,
+                                                    below));
     }
   }
   static int below(double x) { return static_cast<int>(std::floor(x)); }
@@ -70,7 +71,8 @@ const Problem& problem() {
   return made;
 }
 
-/// Share of matches whose weight is not the plain loop's: at the border of a pixel or of the image rounding decides.
+/// Share of matches whose weight is not the plain loop's: at the border of a pixel or of the image rounding
+/// decides.
 template <class Weight>
 bool answers(benchmark::State& state, double tolerance, const Weight& weight) {
   int wrong = 0;
@@ -95,7 +97,9 @@ void batch(benchmark::State& state) {
     residual_batch<S>(camera, rows, reference, gray, depth, T, scales, DepthNoise<S>{}, S(kNu), out);
   };
   run();
-  if (!answers(state, std::is_same_v<S, float> ? 2e-3 : 1e-9, [&](std::size_t k) { return double(out.weight[k]); })) return;
+  if (!answers(state, std::is_same_v<S, float> ? 2e-3 : 1e-9,
+               [&](std::size_t k) { return double(out.weight[k]); }))
+    return;
   for (auto _ : state) {
     run();
     benchmark::DoNotOptimize(out.weight.data());
@@ -131,7 +135,9 @@ void one_by_one(benchmark::State& state) {
     }
   };
   run();
-  if (!answers(state, std::is_same_v<S, float> ? 2e-3 : 1e-9, [&](std::size_t k) { return double(weight[k]); })) return;
+  if (!answers(state, std::is_same_v<S, float> ? 2e-3 : 1e-9,
+               [&](std::size_t k) { return double(weight[k]); }))
+    return;
   for (auto _ : state) {
     run();
     benchmark::DoNotOptimize(weight.data());
@@ -147,8 +153,8 @@ void plain(benchmark::State& state) {
   const Eigen::Vector3d t = p.T.translation();
   for (auto _ : state) {
     for (std::size_t k = 0; k < kMatches; ++k)
-      out[k] = bench::plain_residual<double>(p.camera, p.matches[k], p.reference, p.gray, p.depth, R, t, kSigma, kNu,
-                                             Problem::below);
+      out[k] = bench::plain_residual<double>(p.camera, p.matches[k], p.reference, p.gray, p.depth, R, t,
+                                             kSigma, kNu, Problem::below);
     benchmark::DoNotOptimize(out.data());
     benchmark::ClobberMemory();
   }
@@ -173,7 +179,8 @@ void ceres_autodiff(benchmark::State& state) {
       }
       Eigen::Matrix<Jet, 3, 3> R;
       ceres::AngleAxisToRotationMatrix(angle.data(), R.data());
-      out[k] = bench::plain_residual<Jet>(p.camera, p.matches[k], p.reference, p.gray, p.depth, R, t, kSigma, kNu, below);
+      out[k] = bench::plain_residual<Jet>(p.camera, p.matches[k], p.reference, p.gray, p.depth, R, t, kSigma,
+                                          kNu, below);
     }
   };
   run();
@@ -185,7 +192,9 @@ void ceres_autodiff(benchmark::State& state) {
   }
   state.SetItemsProcessed(state.iterations() * kMatches);
 }
-BENCHMARK(ceres_autodiff)->Name("residuals/triple_and_weight_1000/double/ceres")->Unit(benchmark::kMicrosecond);
+BENCHMARK(ceres_autodiff)
+    ->Name("residuals/triple_and_weight_1000/double/ceres")
+    ->Unit(benchmark::kMicrosecond);
 #endif
 
 #ifdef DYNSLAM_BENCH_OPENCV
@@ -220,7 +229,9 @@ void opencv(benchmark::State& state) {
   }
   state.SetItemsProcessed(state.iterations() * kMatches);
 }
-BENCHMARK(opencv)->Name("residuals/triple_and_weight_1000/float/opencv_without_depth")->Unit(benchmark::kMicrosecond);
+BENCHMARK(opencv)
+    ->Name("residuals/triple_and_weight_1000/float/opencv_without_depth")
+    ->Unit(benchmark::kMicrosecond);
 #endif
 
 #define DYNSLAM_RESIDUALS(f, scalar, who) \

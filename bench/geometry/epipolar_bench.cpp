@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Distances of matches to their epipolar lines, and Sampson's, beside a copy of as many bytes: what the memory
-// allows. Of four million matches (memory) and of a thousand (cache).
+// Distances of matches to their epipolar lines, and Sampson's, beside a copy of as many bytes: what the
+// memory allows. Of four million matches (memory) and of a thousand (cache).
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -44,9 +44,11 @@ void ours(benchmark::State& state) {
   };
   run();
   for (std::size_t i = 0; i < N; i += 7) {
-    const Eigen::Matrix<double, 2, 1> x(rows.values[0][i], rows.values[1][i]), x_m(rows.values[2][i], rows.values[3][i]);
+    const Eigen::Matrix<double, 2, 1> x(rows.values[0][i], rows.values[1][i]),
+        x_m(rows.values[2][i], rows.values[3][i]);
     const Eigen::Matrix3d F = rows.F.template cast<double>();
-    const double d = which == Distance::line ? line_distance<double>(F, x, x_m) : sampson_distance_squared<double>(F, x, x_m);
+    const double d = which == Distance::line ? line_distance<double>(F, x, x_m)
+                                             : sampson_distance_squared<double>(F, x, x_m);
     if (std::abs(d - double(rows.out[i])) > (std::is_same_v<S, float> ? 1e-3 : 1e-9) * (1 + d)) {
       state.SkipWithError("a distance is wrong");
       return;
@@ -66,8 +68,10 @@ void one_by_one(benchmark::State& state) {
   Rows<S> rows(N);
   for (auto _ : state) {
     for (std::size_t i = 0; i < N; ++i) {
-      const Eigen::Matrix<S, 2, 1> x(rows.values[0][i], rows.values[1][i]), x_m(rows.values[2][i], rows.values[3][i]);
-      rows.out[i] = which == Distance::line ? line_distance<S>(rows.F, x, x_m) : sampson_distance_squared<S>(rows.F, x, x_m);
+      const Eigen::Matrix<S, 2, 1> x(rows.values[0][i], rows.values[1][i]),
+          x_m(rows.values[2][i], rows.values[3][i]);
+      rows.out[i] = which == Distance::line ? line_distance<S>(rows.F, x, x_m)
+                                            : sampson_distance_squared<S>(rows.F, x, x_m);
     }
     benchmark::DoNotOptimize(rows.out.data());
     benchmark::ClobberMemory();
@@ -88,9 +92,10 @@ void copy(benchmark::State& state) {
   state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(2 * half));
 }
 
-#define DYNSLAM_DISTANCE(which, N, size, S, scalar)                                                             \
-  BENCHMARK(ours<S, N, Distance::which>)->Name("epipolar/" #which "_distance_" size "/" scalar "/dynslam");     \
-  BENCHMARK(one_by_one<S, N, Distance::which>)->Name("epipolar/" #which "_distance_" size "/" scalar "/scalar"); \
+#define DYNSLAM_DISTANCE(which, N, size, S, scalar)                                                         \
+  BENCHMARK(ours<S, N, Distance::which>)->Name("epipolar/" #which "_distance_" size "/" scalar "/dynslam"); \
+  BENCHMARK(one_by_one<S, N, Distance::which>)                                                              \
+      ->Name("epipolar/" #which "_distance_" size "/" scalar "/scalar");                                    \
   BENCHMARK(copy<S, N>)->Name("epipolar/" #which "_distance_" size "/" scalar "/copy")
 DYNSLAM_DISTANCE(line, 1000, "1000", float, "float");
 DYNSLAM_DISTANCE(line, 1000, "1000", double, "double");

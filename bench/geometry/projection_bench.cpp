@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Projection and unprojection of 1000 points, with and without lens and derivative, beside OpenCV (which gives the
-// derivatives by ten and more parameters when asked for any) and a plain loop with Eigen.
+// Projection and unprojection of 1000 points, with and without lens and derivative, beside OpenCV (which
+// gives the derivatives by ten and more parameters when asked for any) and a plain loop with Eigen.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -175,13 +175,13 @@ BENCHMARK(opencv_unproject<false>)->Name("projection/unproject_pinhole/double/op
 BENCHMARK(opencv_unproject<true>)->Name("projection/unproject_lens/double/opencv");
 #endif
 
-#define DYNSLAM_PROJECTION(S, scalar)                                                               \
-  BENCHMARK(project<S, false, false>)->Name("projection/pinhole/" scalar "/dynslam");               \
-  BENCHMARK(plain_eigen<S>)->Name("projection/pinhole/" scalar "/eigen");                           \
-  BENCHMARK(project<S, false, true>)->Name("projection/pinhole_jacobian/" scalar "/dynslam");       \
-  BENCHMARK(project<S, true, false>)->Name("projection/lens/" scalar "/dynslam");                   \
-  BENCHMARK(project<S, true, true>)->Name("projection/lens_jacobian/" scalar "/dynslam");           \
-  BENCHMARK(unproject<S, false>)->Name("projection/unproject_pinhole/" scalar "/dynslam");          \
+#define DYNSLAM_PROJECTION(S, scalar)                                                         \
+  BENCHMARK(project<S, false, false>)->Name("projection/pinhole/" scalar "/dynslam");         \
+  BENCHMARK(plain_eigen<S>)->Name("projection/pinhole/" scalar "/eigen");                     \
+  BENCHMARK(project<S, false, true>)->Name("projection/pinhole_jacobian/" scalar "/dynslam"); \
+  BENCHMARK(project<S, true, false>)->Name("projection/lens/" scalar "/dynslam");             \
+  BENCHMARK(project<S, true, true>)->Name("projection/lens_jacobian/" scalar "/dynslam");     \
+  BENCHMARK(unproject<S, false>)->Name("projection/unproject_pinhole/" scalar "/dynslam");    \
   BENCHMARK(unproject<S, true>)->Name("projection/unproject_lens/" scalar "/dynslam")
 DYNSLAM_PROJECTION(float, "float");
 DYNSLAM_PROJECTION(double, "double");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// F and H by the sampling loop, beside OpenCV's RANSAC and USAC with the same threshold, confidence and bound of
-// iterations. The counters say how many of the right matches each calls inliers (`right`, of 1) and how many of
-// its inliers are wrong matches (`wrong`). One iteration is all scenes.
+// F and H by the sampling loop, beside OpenCV's RANSAC and USAC with the same threshold, confidence and bound
+// of iterations. The counters say how many of the right matches each calls inliers (`right`, of 1) and how
+// many of its inliers are wrong matches (`wrong`). One iteration is all scenes.
 #include <benchmark/benchmark.h>
 
 #include <span>
@@ -31,7 +31,8 @@ std::vector<bench::TwoViewScene<S>> make_scenes(Model model, int count) {
   std::vector<bench::TwoViewScene<S>> scenes;
   for (int i = 0; static_cast<int>(scenes.size()) < count; ++i) {
     const auto kind = static_cast<bench::SceneKind>(i % 4);
-    if (model == Model::homography && kind != bench::SceneKind::plane && kind != bench::SceneKind::plane_and_few)
+    if (model == Model::homography && kind != bench::SceneKind::plane &&
+        kind != bench::SceneKind::plane_and_few)
       continue;
     scenes.push_back(bench::two_view_scene<S>(i));
   }
@@ -113,9 +114,9 @@ void add(const char* what, Model model, int count) {
 #ifdef DYNSLAM_BENCH_OPENCV
   benchmark::RegisterBenchmark((name + "double/opencv_ransac").c_str(), opencv, model, count, cv::RANSAC)
       ->Unit(unit);
-  for (const auto& [method, who] :
-       {std::pair{cv::USAC_DEFAULT, "opencv_usac"}, {cv::USAC_FAST, "opencv_usac_fast"},
-        {cv::USAC_ACCURATE, "opencv_usac_accurate"}})
+  for (const auto& [method, who] : {std::pair{cv::USAC_DEFAULT, "opencv_usac"},
+                                    {cv::USAC_FAST, "opencv_usac_fast"},
+                                    {cv::USAC_ACCURATE, "opencv_usac_accurate"}})
     benchmark::RegisterBenchmark((name + "double/" + who).c_str(), opencv, model, count, method)->Unit(unit);
 #endif
 }

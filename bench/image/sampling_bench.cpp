@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Images of 640 x 480: values between pixels, with gradient, of a whole warped image, and pyramids, beside OpenCV.
+// Images of 640 x 480: values between pixels, with gradient, of a whole warped image, and pyramids, beside
+// OpenCV.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -37,8 +38,9 @@ const std::vector<Eigen::Vector2f>& places() {
     std::vector<Eigen::Vector2f> out;
     for (int v = 0; v < kHeight; ++v) {
       for (int u = 0; u < kWidth; ++u)
-        out.emplace_back(std::min(638.0F, std::max(0.0F, 0.98F * static_cast<float>(u) + 0.02F * static_cast<float>(v))),
-                         std::min(478.0F, std::max(0.0F, 0.97F * static_cast<float>(v) + 5.3F)));
+        out.emplace_back(
+            std::min(638.0F, std::max(0.0F, 0.98F * static_cast<float>(u) + 0.02F * static_cast<float>(v))),
+            std::min(478.0F, std::max(0.0F, 0.97F * static_cast<float>(v) + 5.3F)));
     }
     return out;
   }();
@@ -62,7 +64,8 @@ void warp(benchmark::State& state) {
     }
   };
   run();
-  const double there = 120 + 60 * std::sin(0.1 * double(places()[100000].x())) * std::cos(0.13 * double(places()[100000].y()));
+  const double there =
+      120 + 60 * std::sin(0.1 * double(places()[100000].x())) * std::cos(0.13 * double(places()[100000].y()));
   if (std::abs(double(value[100000]) - there) > 2) {
     state.SkipWithError("a value is wrong");
     return;

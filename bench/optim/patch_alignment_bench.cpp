@@ -96,7 +96,9 @@ void opencv_lucas_kanade(benchmark::State& state) {
   }
   state.SetItemsProcessed(state.iterations() * kPoints);
 }
-BENCHMARK(opencv_lucas_kanade)->Name("patch_alignment/400_patches/float/opencv")->Unit(benchmark::kMicrosecond);
+BENCHMARK(opencv_lucas_kanade)
+    ->Name("patch_alignment/400_patches/float/opencv")
+    ->Unit(benchmark::kMicrosecond);
 #endif
 
 }  // namespace

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Operations on masks of 640 x 480 pixels, beside OpenCV's: of noise, the worst case, and of a few blobs, what a
-// mask of movers is.
+// Operations on masks of 640 x 480 pixels, beside OpenCV's: of noise, the worst case, and of a few blobs,
+// what a mask of movers is.
 #include <benchmark/benchmark.h>
 
 #include <cstdint>
@@ -164,21 +164,34 @@ void opencv_holes(benchmark::State& state) {
     benchmark::DoNotOptimize(mask.data);
   }
 }
-#define DYNSLAM_MASK(f, rival, name)                                                               \
-  BENCHMARK(f)->Name("mask/" name "/uint8/dynslam")->Unit(benchmark::kMicrosecond);                \
+#define DYNSLAM_MASK(f, rival, name)                                                \
+  BENCHMARK(f)->Name("mask/" name "/uint8/dynslam")->Unit(benchmark::kMicrosecond); \
   BENCHMARK(rival)->Name("mask/" name "/uint8/opencv")->Unit(benchmark::kMicrosecond)
 #else
-#define DYNSLAM_MASK(f, rival, name) BENCHMARK(f)->Name("mask/" name "/uint8/dynslam")->Unit(benchmark::kMicrosecond)
+#define DYNSLAM_MASK(f, rival, name) \
+  BENCHMARK(f)->Name("mask/" name "/uint8/dynslam")->Unit(benchmark::kMicrosecond)
 #endif
 
 using benchmark::State;
-void dilate_noise(State& s) { morphology<true, true>(s); }
-void dilate_blobs(State& s) { morphology<false, true>(s); }
-void erode_blobs(State& s) { morphology<false, false>(s); }
+void dilate_noise(State& s) {
+  morphology<true, true>(s);
+}
+void dilate_blobs(State& s) {
+  morphology<false, true>(s);
+}
+void erode_blobs(State& s) {
+  morphology<false, false>(s);
+}
 #ifdef DYNSLAM_BENCH_OPENCV
-void cv_dilate_noise(State& s) { opencv_morphology<true, true>(s); }
-void cv_dilate_blobs(State& s) { opencv_morphology<false, true>(s); }
-void cv_erode_blobs(State& s) { opencv_morphology<false, false>(s); }
+void cv_dilate_noise(State& s) {
+  opencv_morphology<true, true>(s);
+}
+void cv_dilate_blobs(State& s) {
+  opencv_morphology<false, true>(s);
+}
+void cv_erode_blobs(State& s) {
+  opencv_morphology<false, false>(s);
+}
 #endif
 DYNSLAM_MASK(dilate_noise, cv_dilate_noise, "dilate_noise");
 DYNSLAM_MASK(dilate_blobs, cv_dilate_blobs, "dilate_blobs");

@@ -44,8 +44,8 @@ template <class S>
   while (static_cast<int>(scene.x.size()) < matches) {
     Eigen::Vector2d x(random.uniform(20, 620), random.uniform(20, 460));
     const Eigen::Vector3d ray = camera.ray(x);
-    const bool on_plane = kind == SceneKind::plane ||
-                          (kind == SceneKind::plane_and_few && random.uniform(0, 1) < 0.8);
+    const bool on_plane =
+        kind == SceneKind::plane || (kind == SceneKind::plane_and_few && random.uniform(0, 1) < 0.8);
     const double z = on_plane ? 2.0 / normal.dot(ray) : random.uniform(1, 5);
     const auto seen = camera.project(motion * Eigen::Vector3d(ray * z));
     if (!seen) continue;

@@ -64,14 +64,15 @@ template <std::floating_point S, int N>
 struct ResidualBlock {
   using Row = Eigen::Array<S, N, 1>;
 
-  /// Bilinear values of an image of bytes; 0 and a `has` of 0 outside. The cells are found and weighed for all
-  /// together; only reading the pixels goes one by one.
+  /// Bilinear values of an image of bytes; 0 and a `has` of 0 outside. The cells are found and weighed for
+  /// all together; only reading the pixels goes one by one.
   template <class I>
   static void sample(const I& image, const Row& u, const Row& v, Row& value, Row& has) {
     const S w = S(image.width() - 2), h = S(image.height() - 2);
     std::array<int, std::size_t(N)> column, row;
     // Bytes are gathered as integers, which are turned into S several at once.
-    using Raw = std::conditional_t<std::integral<typename I::Pixel> && sizeof(typename I::Pixel) <= 2, int, S>;
+    using Raw =
+        std::conditional_t<std::integral<typename I::Pixel> && sizeof(typename I::Pixel) <= 2, int, S>;
     std::array<Raw, std::size_t(N)> p00, p10, p01, p11;
     Row a, b;
     for (int i = 0; i < N; ++i) {
@@ -121,7 +122,8 @@ struct ResidualBlock {
       const S right = x < w + S(1) ? left : S(0), bottom = y < h + S(1) ? top : S(0);
       inside(i) = right * bottom;
     }
-    for (int i = 0; i < N; ++i) value(i) = static_cast<S>(depth.row(row[std::size_t(i)])[column[std::size_t(i)]]);
+    for (int i = 0; i < N; ++i)
+      value(i) = static_cast<S>(depth.row(row[std::size_t(i)])[column[std::size_t(i)]]);
     for (int i = 0; i < N; ++i) {
       const S z = value(i), positive = z > S(0) ? inside(i) : S(0);
       has(i) = z <= std::numeric_limits<S>::max() ? positive : S(0);
@@ -131,9 +133,10 @@ struct ResidualBlock {
 };
 
 template <std::floating_point S, int N, class A, class B, class D>
-void residual_block(const Pinhole<S>& camera, const MatchRows<S>& m, std::size_t begin, const A& reference_gray,
-                    const B& gray, const D& depth, const Eigen::Matrix<S, 3, 4>& T, const StaticWeightScales<S>& scales,
-                    const DepthNoise<S>& noise, S nu, ResidualRows<S>& out) {
+void residual_block(const Pinhole<S>& camera, const MatchRows<S>& m, std::size_t begin,
+                    const A& reference_gray, const B& gray, const D& depth, const Eigen::Matrix<S, 3, 4>& T,
+                    const StaticWeightScales<S>& scales, const DepthNoise<S>& noise, S nu,
+                    ResidualRows<S>& out) {
   using Block = ResidualBlock<S, N>;
   using Row = typename Block::Row;
   const auto in = [begin](const std::vector<S>& row) { return Eigen::Map<const Row>(row.data() + begin); };
@@ -175,18 +178,20 @@ void residual_block(const Pinhole<S>& camera, const MatchRows<S>& m, std::size_t
 }  // namespace detail
 
 /// Eqs (3), (5), (6) and (7) of all matches at once: photometric, reprojection and depth error and the joint
-/// weight. The same as photometric_residual, reprojection_residual, depth_residual and static_weight one by one, up
-/// to rounding, several times as fast; as cameras with a lens differ, for ideal pixels of a pinhole camera.
+/// weight. The same as photometric_residual, reprojection_residual, depth_residual and static_weight one by
+/// one, up to rounding, several times as fast; as cameras with a lens differ, for ideal pixels of a pinhole
+/// camera.
 /// @param scales  those of the depth in standard deviations of `noise` at the point's depth
 /// @param gray, reference_gray, depth  images of 2 x 2 pixels or more with contiguous rows
 /// @param out     resized
 template <std::floating_point S, RowImage A, RowImage B, RowImage D>
   requires DepthImage<D>
-void residual_batch(const Pinhole<S>& camera, const MatchRows<S>& matches, const A& reference_gray, const B& gray,
-                    const D& depth, const SE3<S>& T_cur_ref, const StaticWeightScales<S>& scales,
-                    const DepthNoise<S>& noise, S nu, ResidualRows<S>& out) {
-  DYNSLAM_ASSERT(gray.width() > 1 && gray.height() > 1 && reference_gray.width() > 1 && reference_gray.height() > 1 &&
-                     depth.width() > 0 && depth.height() > 0,
+void residual_batch(const Pinhole<S>& camera, const MatchRows<S>& matches, const A& reference_gray,
+                    const B& gray, const D& depth, const SE3<S>& T_cur_ref,
+                    const StaticWeightScales<S>& scales, const DepthNoise<S>& noise, S nu,
+                    ResidualRows<S>& out) {
+  DYNSLAM_ASSERT(gray.width() > 1 && gray.height() > 1 && reference_gray.width() > 1 &&
+                     reference_gray.height() > 1 && depth.width() > 0 && depth.height() > 0,
                  "an image needs two pixels in each direction");
   const std::size_t n = matches.size();
   out.resize(n);
@@ -195,7 +200,8 @@ void residual_batch(const Pinhole<S>& camera, const MatchRows<S>& matches, const
   constexpr int kBlock = 64;
   std::size_t k = 0;
   for (; k + kBlock <= n; k += kBlock)
-    detail::residual_block<S, kBlock>(camera, matches, k, reference_gray, gray, depth, T, scales, noise, nu, out);
+    detail::residual_block<S, kBlock>(camera, matches, k, reference_gray, gray, depth, T, scales, noise, nu,
+                                      out);
   for (; k < n; ++k)
     detail::residual_block<S, 1>(camera, matches, k, reference_gray, gray, depth, T, scales, noise, nu, out);
 }

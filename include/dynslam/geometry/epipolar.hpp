@@ -191,7 +191,8 @@ class FundamentalSearch {
   }
 
   [[nodiscard]] bool near(const Eigen::Matrix3d& F, std::size_t i) const {
-    return sampson_distance_squared<double>(F, matches_.first(i).head<2>(), matches_.second(i).head<2>()) <= limit_;
+    return sampson_distance_squared<double>(F, matches_.first(i).head<2>(), matches_.second(i).head<2>()) <=
+           limit_;
   }
 
   /// Least squares of Sampson's distances of the inliers of F: the eight-point equations, each weighed by its
@@ -235,12 +236,13 @@ class FundamentalSearch {
 }  // namespace detail
 
 namespace detail {
-/// Where most inliers of F are on a plane its sample mostly was, too, and any F of that plane's pencil was taken.
-/// The one of the scene is H and two matches off the plane: [e]x H, e being where their lines cross (DEGENSAC, Chum
-/// et al. 2005).
+/// Where most inliers of F are on a plane its sample mostly was, too, and any F of that plane's pencil was
+/// taken. The one of the scene is H and two matches off the plane: [e]x H, e being where their lines cross
+/// (DEGENSAC, Chum et al. 2005).
 /// @param index  scratch
 inline void leave_plane(const NormalisedMatches& matches, double limit, std::uint64_t seed,
-                        FundamentalSearch& fundamental, BestModel<FundamentalSearch>& best, std::vector<int>& index) {
+                        FundamentalSearch& fundamental, BestModel<FundamentalSearch>& best,
+                        std::vector<int>& index) {
   constexpr int kPlanes = 20, kPairs = 50;
   const auto list = [&](const auto& belongs) {
     index.clear();
@@ -274,7 +276,9 @@ inline void leave_plane(const NormalisedMatches& matches, double limit, std::uin
   for (int k = 0; k < kPairs; ++k) {
     std::array<std::size_t, 2> pair{};
     draw(pair);
-    const auto line = [&](std::size_t i) { return Eigen::Vector3d((H * matches.first(i)).cross(matches.second(i))); };
+    const auto line = [&](std::size_t i) {
+      return Eigen::Vector3d((H * matches.first(i)).cross(matches.second(i)));
+    };
     const Eigen::Vector3d e = line(pair[0]).cross(line(pair[1]));
     const Eigen::Matrix3d F = SO3<double>::hat(e) * H;
     const double norm = F.norm();

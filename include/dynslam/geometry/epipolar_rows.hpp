@@ -20,8 +20,8 @@ struct PixelRows {
 };
 
 namespace detail {
-/// Calls finish(numerator, squared denominator, out) with arrays of 64 numbers, or of one for what is left, which
-/// parts(x, y, x_m, y_m, numerator, denominator) gave one by one.
+/// Calls finish(numerator, squared denominator, out) with arrays of 64 numbers, or of one for what is left,
+/// which parts(x, y, x_m, y_m, numerator, denominator) gave one by one.
 template <std::floating_point S, class Parts, class Finish>
 void for_pixel_rows(const PixelRows<S>& rows, std::span<S> out, const Parts& parts, const Finish& finish) {
   const std::size_t n = out.size();
@@ -30,7 +30,8 @@ void for_pixel_rows(const PixelRows<S>& rows, std::span<S> out, const Parts& par
   constexpr int kBlock = 64;
   const auto block = [&]<int N>(std::size_t k, std::integral_constant<int, N>) {
     Eigen::Array<S, N, 1> above, below;
-    const S *x = rows.x.data() + k, *y = rows.y.data() + k, *x_m = rows.x_m.data() + k, *y_m = rows.y_m.data() + k;
+    const S *x = rows.x.data() + k, *y = rows.y.data() + k, *x_m = rows.x_m.data() + k,
+            *y_m = rows.y_m.data() + k;
     S *a = above.data(), *b = below.data();
     for (int i = 0; i < N; ++i) parts(x[i], y[i], x_m[i], y_m[i], a[i], b[i]);
     finish(above, below, Eigen::Map<Eigen::Array<S, N, 1>>(out.data() + k));
@@ -41,13 +42,13 @@ void for_pixel_rows(const PixelRows<S>& rows, std::span<S> out, const Parts& par
 }
 }  // namespace detail
 
-/// line_distance() of many matches: |x_m^T F x| / |(F x)_xy| [px] (Eq 8). Without a meaning at the epipole, where
-/// x has no line.
+/// line_distance() of many matches: |x_m^T F x| / |(F x)_xy| [px] (Eq 8). Without a meaning at the epipole,
+/// where x has no line.
 /// @param out  of the rows' size
 template <std::floating_point S>
 void line_distances(const Eigen::Matrix<S, 3, 3>& F, const PixelRows<S>& rows, std::span<S> out) {
-  const S f00 = F(0, 0), f01 = F(0, 1), f02 = F(0, 2), f10 = F(1, 0), f11 = F(1, 1), f12 = F(1, 2), f20 = F(2, 0),
-          f21 = F(2, 1), f22 = F(2, 2);
+  const S f00 = F(0, 0), f01 = F(0, 1), f02 = F(0, 2), f10 = F(1, 0), f11 = F(1, 1), f12 = F(1, 2),
+          f20 = F(2, 0), f21 = F(2, 1), f22 = F(2, 2);
   detail::for_pixel_rows<S>(
       rows, out,
       [=](S x, S y, S x_m, S y_m, S& e, S& norm2) {
@@ -64,8 +65,8 @@ void line_distances(const Eigen::Matrix<S, 3, 3>& F, const PixelRows<S>& rows, s
 /// sampson_distance_squared() of many matches [px^2]; without a meaning where its gradient vanishes.
 template <std::floating_point S>
 void sampson_distances_squared(const Eigen::Matrix<S, 3, 3>& F, const PixelRows<S>& rows, std::span<S> out) {
-  const S f00 = F(0, 0), f01 = F(0, 1), f02 = F(0, 2), f10 = F(1, 0), f11 = F(1, 1), f12 = F(1, 2), f20 = F(2, 0),
-          f21 = F(2, 1), f22 = F(2, 2);
+  const S f00 = F(0, 0), f01 = F(0, 1), f02 = F(0, 2), f10 = F(1, 0), f11 = F(1, 1), f12 = F(1, 2),
+          f20 = F(2, 0), f21 = F(2, 1), f22 = F(2, 2);
   detail::for_pixel_rows<S>(
       rows, out,
       [=](S x, S y, S x_m, S y_m, S& e2, S& gradient) {

@@ -135,7 +135,8 @@ class HomographySearch {
   }
 
   [[nodiscard]] bool near(const Eigen::Matrix3d& H, std::size_t i) const {
-    return transfer_distance_squared<double>(H, matches_.first(i).head<2>(), matches_.second(i).head<2>()) <= limit_;
+    return transfer_distance_squared<double>(H, matches_.first(i).head<2>(), matches_.second(i).head<2>()) <=
+           limit_;
   }
 
   /// Least squares of the inliers' transfer errors: the equations of the direct linear transform, each pair
@@ -166,8 +167,8 @@ class HomographySearch {
 };
 }  // namespace detail
 
-/// H by RANSAC over samples of four, refined on its inliers, judged by the transfer error. Solved in double and
-/// compared in float for any scalar; the flags are of scalar S.
+/// H by RANSAC over samples of four, refined on its inliers, judged by the transfer error. Solved in double
+/// and compared in float for any scalar; the flags are of scalar S.
 template <std::floating_point S>
 [[nodiscard]] RansacOutcome<Eigen::Matrix<S, 3, 3>> homography_ransac(
     std::span<const Eigen::Matrix<S, 2, 1>> x, std::span<const Eigen::Matrix<S, 2, 1>> x_m,

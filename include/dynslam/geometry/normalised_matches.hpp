@@ -28,7 +28,8 @@ class NormalisedMatches {
   /// Numbers are kept in `memory`. @return false where the points coincide or are not finite
   template <std::floating_point S>
   [[nodiscard]] bool set(std::span<const Eigen::Matrix<S, 2, 1>> x,
-                         std::span<const Eigen::Matrix<S, 2, 1>> x_m, std::size_t n, RansacWorkspace& memory) {
+                         std::span<const Eigen::Matrix<S, 2, 1>> x_m, std::size_t n,
+                         RansacWorkspace& memory) {
     n_ = n;
     padded_ = (n + kBlock - 1) / kBlock * kBlock;
     mean_.setZero();
@@ -112,7 +113,8 @@ class NormalisedMatches {
       for (std::size_t i = 0; i < kBlock; i += 8) {
         for (std::size_t k = 0; k < 8; ++k) lanes[k] += values[i + k];
       }
-      total += ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
+      total +=
+          ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
       if (total + static_cast<float>(n_ - begin - size) <= beaten) return -1.0F;
     }
     return total;
@@ -145,8 +147,8 @@ class NormalisedMatches {
   return m;
 }
 
-/// Eigenvector of the smallest eigenvalue by inverse iteration from a vector that is near it; nullopt where the
-/// matrix is not positive (semi)definite.
+/// Eigenvector of the smallest eigenvalue by inverse iteration from a vector that is near it; nullopt where
+/// the matrix is not positive (semi)definite.
 [[nodiscard]] inline std::optional<Eigen::Matrix<double, 9, 1>> smallest_eigenvector(
     Eigen::Matrix<double, 9, 9> A, const Eigen::Matrix<double, 9, 1>& near) {
   A.diagonal().array() += 1e-14 * A.trace();
@@ -165,11 +167,12 @@ class NormalisedMatches {
   return v;
 }
 
-/// The best model of matches so far, and least squares on its inliers while that gains some (LO-RANSAC, Chum et
-/// al. 2003).
-/// @tparam Search  score(model, beaten): what the inliers are worth, any number below `beaten` where it is not more
-///                 than that; inliers(model); refit(model, wide) -> std::optional<Matrix3d>: least squares on what
-///                 lies within the threshold of a model, its square being `wide` times as large
+/// The best model of matches so far, and least squares on its inliers while that gains some (LO-RANSAC, Chum
+/// et al. 2003).
+/// @tparam Search  score(model, beaten): what the inliers are worth, any number below `beaten` where it is
+/// not more
+///                 than that; inliers(model); refit(model, wide) -> std::optional<Matrix3d>: least squares on
+///                 what lies within the threshold of a model, its square being `wide` times as large
 template <class Search>
 class BestModel {
  public:
@@ -209,10 +212,11 @@ class BestModel {
   Eigen::Matrix3d model_ = Eigen::Matrix3d::Zero();
 };
 
-/// Models of matches by the sampling loop. @param minimal  minimal(sample, consider): calls consider(Matrix3d)
-/// once per hypothesis. @return iterations
+/// Models of matches by the sampling loop. @param minimal  minimal(sample, consider): calls
+/// consider(Matrix3d) once per hypothesis. @return iterations
 template <std::size_t K, std::floating_point S, class Search, class Minimal>
-int search_models(std::size_t n, const RansacOptions<S>& options, BestModel<Search>& best, const Minimal& minimal) {
+int search_models(std::size_t n, const RansacOptions<S>& options, BestModel<Search>& best,
+                  const Minimal& minimal) {
   const SamplingOptions<S> sampling{options.max_iterations, options.confidence, options.seed};
   return sample_consensus<K, S>(
       sampling,
@@ -227,8 +231,8 @@ int search_models(std::size_t n, const RansacOptions<S>& options, BestModel<Sear
       });
 }
 
-/// What a match at the share `part` of the squared threshold counts: nearly 1 for an inlier, as in RANSAC; the
-/// nearer of equally many decide. In a form that compilers make one of vectors.
+/// What a match at the share `part` of the squared threshold counts: nearly 1 for an inlier, as in RANSAC;
+/// the nearer of equally many decide. In a form that compilers make one of vectors.
 [[nodiscard]] inline float inlier_worth(float part) {
   const float square = part * part, fourth = square * square, worth = 1.0F - fourth * fourth;
   return worth > 0.0F ? worth : 0.0F;

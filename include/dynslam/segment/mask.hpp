@@ -39,8 +39,8 @@ inline void or_shifted(const std::uint8_t* from, std::size_t shift, std::uint8_t
   for (std::size_t i = 0; i < n; ++i) to[i] = static_cast<std::uint8_t>(from[i] | other[i]);
 }
 
-/// Calls step(shift) such that, started with single elements and each time or-ed with those `shift` further on, an
-/// element holds the or of `window`.
+/// Calls step(shift) such that, started with single elements and each time or-ed with those `shift` further
+/// on, an element holds the or of `window`.
 template <class Step>
 void widen_window(int window, Step&& step) {
   for (int have = 1; have < window;) {
@@ -50,8 +50,8 @@ void widen_window(int window, Step&& step) {
   }
 }
 
-/// Square structuring element, separated into rows and columns; windows grow by doubling, so the work is that of the
-/// logarithm of the radius. Erosion is the dilation of what is not set.
+/// Square structuring element, separated into rows and columns; windows grow by doubling, so the work is that
+/// of the logarithm of the radius. Erosion is the dilation of what is not set.
 template <class In, class Out>
 void morphology(const In& in, Out& out, int radius, bool grow, MaskWorkspace& workspace) {
   DYNSLAM_ASSERT(same_size(in, out) && radius >= 0, "equal sizes, radius >= 0");
