@@ -197,7 +197,7 @@ void residual_batch(const Pinhole<S>& camera, const MatchRows<S>& matches, const
   out.resize(n);
   Eigen::Matrix<S, 3, 4> T;
   T << T_cur_ref.rotation_matrix(), T_cur_ref.translation();
-  constexpr int kBlock = 64;
+  constexpr int kBlock = 32;
   std::size_t k = 0;
   for (; k + kBlock <= n; k += kBlock)
     detail::residual_block<S, kBlock>(camera, matches, k, reference_gray, gray, depth, T, scales, noise, nu,
