@@ -13,15 +13,15 @@ export CCACHE_DEPEND=${CCACHE_DEPEND:-1}
 
 step() { printf '\n=== %s (%d s so far)\n' "$*" "$SECONDS"; }
 
-# One preset: configure, build, test; tests that compute little are optimised as $2 says. Keeps the last lines of ctest
-# for the summary. Sources are compiled several as one (CMAKE_UNITY_BUILD), which takes less than half the time of
-# compiling them one by one.
+# One preset: configure, build, test; tests that compute little are optimised as $2 says, and benchmarks and examples
+# are built if $3 says ON. Keeps the last lines of ctest for the summary. Sources are compiled several as one
+# (CMAKE_UNITY_BUILD), which takes less than half the time of compiling them one by one.
 check() {
-  local preset=$1 tests=$2
+  local preset=$1 tests=$2 beside=$3
   step "$preset: configure"
   mkdir -p "build/$preset"
-  cmake --preset "$preset" -D DYNSLAM_WERROR=ON -D DYNSLAM_BUILD_TESTS=ON -D DYNSLAM_BUILD_BENCHMARKS=ON \
-    -D DYNSLAM_BUILD_EXAMPLES=ON -D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=8 \
+  cmake --preset "$preset" -D DYNSLAM_WERROR=ON -D DYNSLAM_BUILD_TESTS=ON -D DYNSLAM_BUILD_BENCHMARKS="$beside" \
+    -D DYNSLAM_BUILD_EXAMPLES="$beside" -D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=8 \
     -D DYNSLAM_TEST_OPTIMIZATION="$tests" \
     > "build/$preset/configure.log" 2>&1 || {
     cat "build/$preset/configure.log"
@@ -35,9 +35,10 @@ check() {
 }
 
 summary=()
-check release -O1
-# clang compiles everything with warnings as errors here, so one build serves both purposes.
-check asan-ubsan -O0
+check release -O1 ON
+# clang compiles all but benchmarks and examples (the preset "clang" does) with warnings as errors here, so one build
+# serves both purposes.
+check asan-ubsan -O0 OFF
 
 step "done"
 printf '%s\n' "${summary[@]}"

@@ -1,64 +1,54 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Insertion of 20 keyframes into a semantic octree, beside OctoMap's ColorOcTree with the same points, range
-// and resolution, on one thread. The keyframes are recorded ones (fr1_xyz) where DYNSLAM_DATA names the data,
-// a made-up room otherwise. Arguments: edge of a voxel [mm], discretize.
+// Insertion of keyframes into a semantic octree, beside OctoMap's ColorOcTree with the same points, range and
+// resolution, and the voxel block map. The keyframes are recorded ones (fr1_xyz, all pixels) where
+// DYNSLAM_DATA names the data, a made-up room otherwise. A ray goes to each point, or to each voxel that
+// holds points (OctoMap's `discretize`).
 #include <benchmark/benchmark.h>
 
 #ifdef DYNSLAM_BENCH_OCTOMAP
 #include <malloc.h>
-#include <octomap/ColorOcTree.h>
 
+#include <string>
 #include <vector>
 
+#include "baselines/color_octree.hpp"
 #include "dynslam/interop/octomap_semantic_tree.hpp"
 #include "dynslam/semantic/voxel_block_map.hpp"
 #include "recorded_scans.hpp"
+#include "support/named.hpp"
 
 namespace {
 
-using dynslam::test::WorldScan;
+using namespace dynslam;
+using test::WorldScan;
 
 constexpr double kMaxRange = 4.0;
 
-const std::vector<WorldScan>& scans() {
-  static const std::vector<WorldScan> all = [] {
-    auto recorded = dynslam::test::recorded_scans(20, 1);
-    return recorded.empty() ? dynslam::test::room_scans(3, 64, 48) : recorded;
-  }();
-  return all;
-}
+struct Case {
+  std::string name;
+  double edge;  // of a voxel [m]
+  bool discretize;
+};
 
-const std::vector<octomap::Pointcloud>& clouds() {
-  static const std::vector<octomap::Pointcloud> all = [] {
-    std::vector<octomap::Pointcloud> out;
-    for (const WorldScan& scan : scans()) {
-      out.emplace_back();
-      for (const auto& point : scan.points) out.back().push_back(point.p.x(), point.p.y(), point.p.z());
-    }
-    return out;
-  }();
-  return all;
-}
-
-void insert_semantic(dynslam::interop::SemanticOcTree& tree, dynslam::ScanVoxels& voxels, bool discretize) {
-  for (const WorldScan& scan : scans()) {
-    dynslam::gather_point_cloud(voxels, scan.points, scan.origin, kMaxRange, discretize);
-    tree.integrate(voxels);
+/// Twenty where a ray goes to each voxel; where one goes to each point five take the rival long enough.
+const std::vector<WorldScan>& scans(const Case& c) {
+  static const auto make = [](std::size_t count) {
+    auto recorded = test::recorded_scans(count, 1);
+    return recorded.empty() ? test::room_scans(3, 64, 48) : recorded;
+  };
+  if (!c.discretize) {
+    static const std::vector<WorldScan> few = make(5);
+    return few;
   }
+  static const std::vector<WorldScan> many = make(20);
+  return many;
 }
 
-/// What a user of ColorOcTree does: insertPointCloud, then the colour of every point.
-void insert_octomap(octomap::ColorOcTree& tree, bool lazy, bool discretize) {
-  for (std::size_t k = 0; k < scans().size(); ++k) {
-    const Eigen::Vector3f& o = scans()[k].origin;
-    const octomap::point3d origin(o.x(), o.y(), o.z());
-    tree.insertPointCloud(clouds()[k], origin, kMaxRange, lazy, discretize);
-    for (const auto& point : scans()[k].points) {
-      if ((point.p - o).norm() > static_cast<float>(kMaxRange)) continue;
-      tree.integrateNodeColor(point.p.x(), point.p.y(), point.p.z(), point.rgb[0], point.rgb[1],
-                              point.rgb[2]);
-    }
-    if (lazy) tree.updateInnerOccupancy();
+template <class Map>
+void insert(Map& map, ScanVoxels& voxels, const Case& c) {
+  for (const WorldScan& scan : scans(c)) {
+    gather_point_cloud(voxels, scan.points, scan.origin, kMaxRange, c.discretize);
+    map.integrate(voxels);
   }
 }
 
@@ -84,94 +74,88 @@ void memory_counters(benchmark::State& state, const Tree& tree, double bytes) {
   double voxels = 0;
   for (auto it = tree.begin_leafs(), end = tree.end_leafs(); it != end; ++it)
     voxels += std::pow(8.0, int(tree.getTreeDepth() - it.getDepth()));
-  state.counters["nodes"] = static_cast<double>(tree.size());
   state.counters["voxels"] = voxels;
   state.counters["heap_bytes_per_voxel"] = bytes / voxels;
-  state.counters["heap_bytes_per_node"] = bytes / static_cast<double>(tree.size());
 }
 
-void semantic(benchmark::State& state) {
-  const double edge = 1e-3 * static_cast<double>(state.range(0));
-  const bool discretize = state.range(1) != 0;
-  dynslam::ScanVoxels voxels{dynslam::VoxelGrid(edge)};
-  {  // the answer first
-    dynslam::interop::SemanticOcTree tree(edge);
-    insert_semantic(tree, voxels, discretize);
-    {
-      dynslam::interop::SemanticOcTree again(edge);  // the scan's memory exists now
-      const double start = heap_bytes();
-      insert_semantic(again, voxels, discretize);
-      memory_counters(state, again, heap_bytes() - start);
-    }
-    octomap::ColorOcTree rival(edge);
-    insert_octomap(rival, false, discretize);
-    if (largest_difference(tree, rival) > 1e-5 || largest_difference(rival, tree) > 1e-5) {
-      state.SkipWithError("the occupancy differs from OctoMap's");
-      return;
-    }
-  }
-  for (auto _ : state) {
-    dynslam::interop::SemanticOcTree tree(edge);
-    insert_semantic(tree, voxels, discretize);
-    benchmark::DoNotOptimize(tree.size());
-  }
+/// Whether the occupancy is OctoMap's; looked at once for each case.
+bool equals_octomap(const Case& c) {
+  static std::vector<std::string> equal;
+  if (std::find(equal.begin(), equal.end(), c.name) != equal.end()) return true;
+  ScanVoxels voxels{VoxelGrid(c.edge)};
+  interop::SemanticOcTree tree(c.edge);
+  insert(tree, voxels, c);
+  octomap::ColorOcTree rival(c.edge);
+  baselines::ColorTreeScans(scans(c), kMaxRange).insert(rival, false, c.discretize);
+  if (largest_difference(tree, rival) > 1e-5 || largest_difference(rival, tree) > 1e-5) return false;
+  equal.push_back(c.name);
+  return true;
+}
+
+void per_keyframe(benchmark::State& state, const Case& c) {
   state.counters["time_per_keyframe"] =
-      benchmark::Counter(static_cast<double>(scans().size()),
+      benchmark::Counter(static_cast<double>(scans(c).size()),
                          benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 
-void color_octree(benchmark::State& state, bool lazy) {
-  const double edge = 1e-3 * static_cast<double>(state.range(0));
-  const bool discretize = state.range(1) != 0;
-  {
-    octomap::ColorOcTree tree(edge);
-    const double start = heap_bytes();
-    insert_octomap(tree, lazy, discretize);
-    memory_counters(state, tree, heap_bytes() - start);
+void semantic_tree(benchmark::State& state, const Case& c) {
+  if (!equals_octomap(c)) {
+    state.SkipWithError("the occupancy differs from OctoMap's");
+    return;
   }
+  ScanVoxels voxels{VoxelGrid(c.edge)};
   for (auto _ : state) {
-    octomap::ColorOcTree tree(edge);
-    insert_octomap(tree, lazy, discretize);
+    interop::SemanticOcTree tree(c.edge);
+    insert(tree, voxels, c);
     benchmark::DoNotOptimize(tree.size());
   }
-  state.counters["time_per_keyframe"] =
-      benchmark::Counter(static_cast<double>(scans().size()),
-                         benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  const double start = heap_bytes();  // the scan's memory exists by now
+  interop::SemanticOcTree tree(c.edge);
+  insert(tree, voxels, c);
+  memory_counters(state, tree, heap_bytes() - start);
+  per_keyframe(state, c);
 }
 
-void octomap_color(benchmark::State& state) {
-  color_octree(state, false);
-}
-void octomap_color_lazy(benchmark::State& state) {
-  color_octree(state, true);
-}
-
-void block_map(benchmark::State& state) {
-  const double edge = 1e-3 * static_cast<double>(state.range(0));
-  dynslam::ScanVoxels voxels{dynslam::VoxelGrid(edge)};
+void color_octree(benchmark::State& state, const Case& c, bool lazy) {
+  const baselines::ColorTreeScans clouds(scans(c), kMaxRange);
   for (auto _ : state) {
-    dynslam::VoxelBlockMap<float> map{voxels.grid()};
-    for (const WorldScan& scan : scans()) {
-      dynslam::gather_point_cloud(voxels, scan.points, scan.origin, kMaxRange, state.range(1) != 0);
-      map.integrate(voxels);
-    }
+    octomap::ColorOcTree tree(c.edge);
+    clouds.insert(tree, lazy, c.discretize);
+    benchmark::DoNotOptimize(tree.size());
+  }
+  per_keyframe(state, c);
+}
+
+template <class S>
+void block_map(benchmark::State& state, const Case& c) {
+  ScanVoxels voxels{VoxelGrid(c.edge)};
+  for (auto _ : state) {
+    VoxelBlockMap<S> map{voxels.grid()};
+    insert(map, voxels, c);
     benchmark::DoNotOptimize(map.blocks());
   }
-  state.counters["time_per_keyframe"] =
-      benchmark::Counter(static_cast<double>(scans().size()),
-                         benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  per_keyframe(state, c);
 }
 
-void edges(benchmark::internal::Benchmark* b) {
-  for (const int edge : {50, 20}) {
-    for (const int discretize : {0, 1}) b->Args({edge, discretize});
+const bool registered = [] {
+  constexpr auto kUnit = benchmark::kMillisecond;
+  for (const int mm : {50, 20}) {
+    for (const bool discretize : {false, true}) {
+      const Case c{
+          "insertion/" + std::to_string(mm / 10) + (discretize ? "cm_ray_per_voxel" : "cm_ray_per_point"),
+          1e-3 * mm, discretize};
+      const auto add = [&](const char* who, auto f) {
+        bench::add(
+            c.name, "float", who, [=](benchmark::State& s) { f(s, c); }, kUnit);
+      };
+      add("dynslam", semantic_tree);
+      add("octomap", [](auto& s, const Case& of) { color_octree(s, of, false); });
+      add("octomap_lazy", [](auto& s, const Case& of) { color_octree(s, of, true); });
+      add("dynslam_block_map", block_map<float>);
+    }
   }
-  b->ArgNames({"mm", "discretize"})->Unit(benchmark::kMillisecond);
-}
-BENCHMARK(semantic)->Apply(edges);
-BENCHMARK(octomap_color)->Apply(edges);
-BENCHMARK(octomap_color_lazy)->Apply(edges);
-BENCHMARK(block_map)->Apply(edges);
+  return true;
+}();
 
 }  // namespace
 #endif

@@ -44,7 +44,7 @@ template <class S>
     Eigen::Matrix<S, 2, 1> x(S(random.uniform(20, 620)), S(random.uniform(20, 460)));
     const S z = S(random.uniform(0.8, 5.0));
     PoseObservation<S> observation{};
-    observation.p_w = T_w_c * Eigen::Vector3d(pinhole.ray(x) * z);
+    observation.p_w = T_w_c * Eigen::Matrix<S, 3, 1>(pinhole.ray(x) * z);
     x += Eigen::Matrix<S, 2, 1>(S(random.uniform(-0.5, 0.5)), S(random.uniform(-0.5, 0.5)));
     if (random.uniform(0.0, 1.0) < outliers) {
       x = Eigen::Matrix<S, 2, 1>(S(random.uniform(0, 640)), S(random.uniform(0, 480)));

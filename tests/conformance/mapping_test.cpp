@@ -114,6 +114,13 @@ TEST_CASE_TEMPLATE("points of one view are found in the next, with its pose, beh
   const auto warp = patch_warp(wall.camera, {0, 0, 2}, {S(-0.03), 0, 2}, Eigen::Matrix<S, 3, 3>::Identity());
   REQUIRE(warp.has_value());
   CHECK((*warp - Eigen::Matrix<S, 2, 2>::Identity()).norm() < S(0.05));
+  // A map beside becomes part of this one.
+  const auto points = wall.map.points().size();
+  const Eigen::Matrix<S, 3, 1> seen = wall.map.points().front().p_w;
+  CHECK(wall.map.append(wall.map, wall.T_c1_w) == 1);
+  REQUIRE(wall.map.points().size() == 2 * points);
+  CHECK((wall.map.point(static_cast<int>(points)).p_w - wall.T_c1_w * seen).norm() < S(1e-5));
+  CHECK((wall.map.pose(1) * wall.T_c1_w).log().norm() < S(1e-5));
 }
 
 TEST_CASE_TEMPLATE("features in the pixels of every camera make points, poses and windows", Camera,

@@ -18,6 +18,7 @@
 #include "dynslam/semantic/map_query.hpp"
 #include "dynslam/semantic/map_scan.hpp"
 #include "dynslam/semantic/map_voxel.hpp"
+#include "dynslam/semantic/ray_bits.hpp"
 #include "dynslam/semantic/ray_traversal.hpp"
 #include "dynslam/semantic/scan_voxels.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
@@ -90,6 +91,7 @@ template <std::size_t N, std::floating_point S>
       scan.add_end(p, static_cast<std::uint8_t>(i < 0 ? 2 : 3), {10, 20, 30});
       scan.carve(eye, p);
       scan.carve_once(eye + S(0) * p, p);
+      scan.template carve_all<S>(eye, std::span<const Eigen::Matrix<S, 3, 1>>(&p, 1));
     }
   }
   scan.finish();

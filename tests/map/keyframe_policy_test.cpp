@@ -26,3 +26,14 @@ TEST_CASE_TEMPLATE("a keyframe is made when points run out, when the camera has 
   seen = {30, 300, 320, SE3<S>()};
   CHECK(wants_keyframe(seen, options));
 }
+
+TEST_CASE("gaps between keyframes last as long at every rate; near 30 Hz a frame is a frame") {
+  CHECK(frames_of_30_hz(6, 6 / 30.0) == 6);
+  CHECK(frames_of_30_hz(6, 7 / 30.0) == 6);  // one was dropped
+  CHECK(frames_of_30_hz(6, 6 / 25.0) == 6);
+  CHECK(frames_of_30_hz(2, 0.2) == 6);   // 10 Hz
+  CHECK(frames_of_30_hz(12, 0.2) == 6);  // 60 Hz
+  CHECK(frames_of_30_hz(1, 1.0) == 30);  // 1 Hz
+  CHECK(frames_of_30_hz(0, 0.0) == 0);
+  CHECK(frames_of_30_hz(4, 1e300) == 4);  // no time at all
+}

@@ -200,6 +200,11 @@ TEST_CASE_TEMPLATE(
   const auto good = run({});
   CHECK(good.ok());
   CHECK(good.hypotheses == 120);
+  PoseConsensusOptions<S> hasty;
+  hasty.confidence = S(0.99);
+  const auto early = pose_consensus<S>(kRoomCamera.cast<S>(), observations, {}, still, {}, hasty, workspace);
+  CHECK(early.hypotheses < 60);
+  CHECK(early.inliers > 50);
   CHECK(std::count(workspace.inlier.begin(), workspace.inlier.end(), std::uint8_t{1}) == good.inliers);
   std::vector<S> weights(observations.size() - 1, S(1));
   CHECK(run(weights).status == PoseConsensusStatus::bad_input);

@@ -76,7 +76,8 @@ TEST_CASE("errors are one line on stderr with a non-zero code") {
   check_one_line_error("run " + path + " --out " + path + "/o --model m.onnx --engine tensorrt", 2,
                        "tensorrt");
   check_one_line_error("run " + path + " --out " + path + "/o --dynamics none --camera fr7", 2,
-                       "unknown camera 'fr7'");
+                       "unknown camera 'fr7': neither fr1, fr2, fr3, bonn, azure_kinect, icl_nuim,");
+  CHECK(call("info " + path + " --camera tum_fr3").code == 0);
   check_one_line_error("run " + path + " --out /proc/no --dynamics none", 1, "/proc/no");
   check_one_line_error("eval " + path + "/groundtruth.txt " + path + "/rgb.txt", 1,
                        "rgb.txt:1: expected 8 columns");
@@ -86,6 +87,8 @@ TEST_CASE("errors are one line on stderr with a non-zero code") {
   check_one_line_error("eval-masks " + path, 1, "holds no PNG masks");
   check_one_line_error("mask-faults " + path + " " + path + "/f --fault upside-down", 2, "upside-down");
   check_one_line_error("synth " + path + "/s --scenario party", 2, "unknown scenario 'party'");
+  check_one_line_error("synth " + path + "/s --size 848", 2, "'848' is not a size as 848x480");
+  check_one_line_error("synth " + path + "/s --size 10x9999", 2, "must be from 64x48 to 4096x4096");
   check_one_line_error("rnu " + path, 2, "unknown command 'rnu', did you mean run?");
   check_one_line_error("run " + path + " --dynamcis none", 2, "--dynamcis, did you mean --dynamics?");
   check_one_line_error("run " + path + " --save-mask --max-frames=2", 2, "did you mean --save-masks?");
@@ -227,38 +230,6 @@ TEST_CASE("an interrupted run keeps what it has and exits with 130") {
   CHECK(summary["interrupted"] == true);
   CHECK(summary["frames"].get<int>() < 90);
   CHECK(std::filesystem::exists(folder.path / "o" / "trajectory.txt"));
-}
-
-TEST_CASE("synth and ablate work from end to end and leave the tables and pictures") {
-  const dynslam::test::TemporaryFolder folder;
-  const std::string path = folder.path.string();
-  REQUIRE(call("synth " + path + "/s --frames 45 --path xyz --walkers 1").code == 0);
-  const ProgramResult r = call("ablate " + path + "/s --out " + path + "/o");
-  CAPTURE(r.out);
-  REQUIRE(r.code == 0);
-  CHECK(r.out.find("Eq 13") != std::string::npos);
-  CHECK(r.out.find("octree") == std::string::npos);  // no chatter of libraries
-  for (const char* file :
-       {"tables.txt", "tables.md", "ablation.json", "overlays.png", "ate_over_time.png", "map.png",
-        "trajectory_none.png", "trajectory_both.png", "both/map.ot", "geometric/masks/1000000.000000.png"}) {
-    CAPTURE(file);
-    CHECK(std::filesystem::exists(folder.path / "o" / file));
-  }
-}
-
-TEST_CASE("an ablation without masks runs what it can and says so; a camera at rest does not end it") {
-  const dynslam::test::TemporaryFolder folder;
-  const std::string path = folder.path.string();
-  REQUIRE(call("synth " + path + "/s --frames 10 --path static --scenario empty").code == 0);
-  std::filesystem::remove_all(folder.path / "s" / "label");
-  const ProgramResult r = call("ablate " + path + "/s --out " + path + "/o --map false");
-  CAPTURE(r.out);
-  CHECK(r.code == 0);
-  CHECK(r.out.find("semantic and both were not run") != std::string::npos);
-  CHECK(r.out.find("none: no ATE and RPE: ") != std::string::npos);  // too short to have an interval of 1 s
-  CHECK(std::filesystem::exists(folder.path / "o" / "geometric" / "trajectory.txt"));
-  CHECK_FALSE(std::filesystem::exists(folder.path / "o" / "both"));
-  CHECK(std::filesystem::exists(folder.path / "o" / "ablation.json"));
 }
 
 namespace {

@@ -4,6 +4,7 @@
 
 #include <doctest/doctest.h>
 
+#include <opencv2/imgproc.hpp>
 #include <thread>
 #include <vector>
 
@@ -70,8 +71,11 @@ TEST_CASE("frames that come while the network is busy are caught up with, be the
   const RgbdFrame& still = late_walk().frames[0];  // nothing moves: whichever are left out, the masks stay
   OnnxSegmenter network(late_walk().options.segmenter);
   MaskKeeper keeper;
-  (void)keeper.update(network.segment(still.bgr), still.gray, still.depth);
-  const cv::Mat first = keeper.update(std::nullopt, still.gray, still.depth).dynamic;
+  const cv::Mat first = keeper.update(network.segment(still.bgr), still.gray, still.depth).dynamic;
+  // How often they are carried is a matter of how fast the two threads are; what that adds has an end.
+  cv::Mat most;
+  const int reach = 2 * MaskKeeperOptions().most_band + 1;
+  cv::dilate(first, most, cv::getStructuringElement(cv::MORPH_RECT, {reach, reach}));
   LateMasks masks(late_walk().options, 1000);
   double t = still.t;
   for (const int frames : {1, 2, 9, 60}) {
@@ -89,7 +93,7 @@ TEST_CASE("frames that come while the network is busy are caught up with, be the
     REQUIRE(carried.masks);
     CHECK(carried.age < (frames + 1.5) / 30);
     CHECK(cv::countNonZero(carried.masks->dynamic & first) > 0.9 * cv::countNonZero(first));
-    CHECK(cv::countNonZero(carried.masks->dynamic | first) < 1.1 * cv::countNonZero(first));
+    CHECK(cv::countNonZero(carried.masks->dynamic & ~most) == 0);
     late_walk().wait(masks);
   }
 }

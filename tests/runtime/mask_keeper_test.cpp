@@ -99,6 +99,24 @@ TEST_CASE("an object that has gone takes its mask along; one that is seen again 
   CHECK(cv::countNonZero(keeper.update(std::nullopt, scene.wall, empty_depth).dynamic) == 0);
 }
 
+TEST_CASE("however long it is carried, a mask does not creep over the floor that its object stands on") {
+  const Scene scene;
+  MaskKeeperOptions options;
+  options.max_age = 100;
+  options.most_band = 9;
+  MaskKeeper keeper(options);
+  const cv::Mat floor(480, 640, CV_32FC1, cv::Scalar(1.6));  // as far away as the object, to 0.1 m
+  cv::Mat depth = floor.clone();
+  depth(scene.place(0)).setTo(1.5);
+  (void)keeper.update(scene.detected(0, 0), scene.gray(0), depth);
+  Masks masks;
+  for (int frame = 1; frame <= 40; ++frame) masks = keeper.update(std::nullopt, scene.gray(0), depth);
+  CHECK(keeper.carried() == 1);
+  const int most = 2 * options.most_band;
+  CHECK(cv::countNonZero(masks.dynamic) <= (120 + most + 2 * options.band) * (220 + most + 2 * options.band));
+  CHECK(iou(masks.dynamic, scene.truth(0)) > 0.6);
+}
+
 TEST_CASE("a carried mask that would cover nearly everything is given up") {
   const Scene scene;
   MaskKeeper keeper;

@@ -152,6 +152,25 @@ TEST_CASE("a map whose place is never recognised stays beside, with a trajectory
   const auto ate = absolute_trajectory_error<double>(separate[0].poses, round_trip().truth);
   REQUIRE(ate);
   CHECK(ate->translation.max < 0.02);
+
+  // It is saved beside the main map, as often as one likes, and found again; what was there stays.
+  const test::TemporaryFolder saved;
+  const std::filesystem::path map = saved.path / "map", earlier = saved.path / "earlier";
+  for (int twice = 0; twice < 2; ++twice) trip.slam->save(map);
+  CHECK_FALSE(std::filesystem::exists(map / "map3"));
+  std::filesystem::create_directories(earlier / "map2");
+  std::filesystem::copy(map / "keyframes.bin", earlier / "keyframes.bin");
+  trip.slam->save(earlier);
+  CHECK(std::filesystem::is_empty(earlier / "map2"));
+  CHECK(std::filesystem::exists(earlier / "map3" / "keyframes.bin"));
+  Slam later(round_trip().camera, all_static());
+  later.load(map / "map2");
+  const TrackResult back = later.track(round_trip().frames[kBefore + 5]);
+  REQUIRE(back.ok());
+  CHECK((back.T_w_c.inverse() * separate[0].poses[5].T_w_c).log().norm() < 0.01);
+  later.finish();
+  CHECK(later.octree()->size() > trip.slam->octree()->size() / 4);
+
   trip.slam->reset();
   CHECK(trip.slam->separate_trajectories().empty());
 }
@@ -179,6 +198,9 @@ TEST_CASE("a run counts what was joined as tracked, and writes what was not besi
   CHECK(joined.tracked == 95);
   CHECK(joined.lost == 105);
   CHECK(joined.separate.empty());
+  CHECK(separate.problems.size() == 130);
+  CHECK(joined.problems.size() == 105);
+  CHECK(std::stod(joined.problems.back()) < round_trip().frames[kBefore].t);
   CHECK(read_trajectory(out.path / "trajectory.txt").size() == 95);
   CHECK_FALSE(std::filesystem::exists(beside));
 }

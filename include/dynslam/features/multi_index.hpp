@@ -95,8 +95,8 @@ class PlaceIndex {
   /// A descriptor, in a doubly linked list for each of its parts.
   struct Entry {
     Descriptor descriptor;
+    int keyframe;  // beside what a query compares: lists lead all over the memory
     std::array<std::int32_t, kParts> next, previous;  // of entries_, kNone: end
-    int keyframe;
   };
 
   /// The list of a descriptor's part.

@@ -24,9 +24,12 @@ namespace dynslam {
 
 template <Scalar S>
 struct PoseConsensusOptions {
-  int hypotheses = 120;    ///< minimal samples that are tried
-  int iterations = 3;      ///< Gauss-Newton steps per sample, and per refinement
-  S truncation = S(6);     ///< squared normalised error beyond which an observation counts as an outlier
+  int hypotheses = 120;  ///< minimal samples that are tried
+  S confidence = S(0);  ///< above 0: fewer, once one without an outlier was among them with this probability.
+                        ///< All are tried by default: where several motions compete, the first good one may
+                        ///< be a mover's
+  int iterations = 3;   ///< Gauss-Newton steps per sample, and per refinement
+  S truncation = S(6);  ///< squared normalised error beyond which an observation counts as an outlier
   std::uint64_t seed = 1;  ///< same seed, same result
   // How far from its prediction a pose is likely to be. Where little is seen, some samples of it fit any
   // motion.
@@ -94,9 +97,12 @@ class PoseConsensusSearch {
   /// Proposes the poses of random samples, and refines each that is better than all before.
   /// @return samples tried
   int sample() {
-    const SamplingOptions<S> all{options_.hypotheses, S(0), options_.seed};
+    SamplingOptions<S> sampling{options_.hypotheses, options_.confidence, options_.seed};
+    if (options_.confidence > S(0)) {  // the prediction and its alternatives count as samples, too
+      sampling.max_iterations = samples_needed<kSample>(share(), options_.confidence, options_.hypotheses);
+    }
     return sample_consensus<kSample, S>(
-        all,
+        sampling,
         [this](SplitMix64& random, Sample& sample) {
           draw_distinct([&] { return draw_observation(random); }, sample);
           return true;
@@ -107,7 +113,7 @@ class PoseConsensusSearch {
         [this](const SE3<S>& T) -> std::optional<S> {
           if (!judge(T)) return std::nullopt;
           refine();
-          return static_cast<S>(best_.inliers) / static_cast<S>(observations_.size());
+          return share();
         });
   }
 
@@ -131,6 +137,10 @@ class PoseConsensusSearch {
     return T;
   }
 
+  /// Of the observations, within the best pose's inliers.
+  [[nodiscard]] S share() const {
+    return static_cast<S>(best_.inliers) / static_cast<S>(observations_.size());
+  }
   [[nodiscard]] S weight(std::size_t k) const { return weights_.empty() ? S(1) : weights_[k]; }
   [[nodiscard]] S prior_chi2(const SE3<S>& T) const {
     const SE3<S> step = T * T_w_predicted_;

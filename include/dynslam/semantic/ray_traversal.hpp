@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <concepts>
@@ -13,6 +14,41 @@
 #include "dynslam/semantic/voxel_key.hpp"
 
 namespace dynslam {
+
+namespace detail {
+
+/// A ray's way through the faces between voxels, per axis. By default it has none and never ends.
+struct RayFaces {
+  std::array<double, 3> t{};      ///< distance along the ray to the next face
+  std::array<double, 3> delta{};  ///< and from there to the one after; 0 where the ray meets none
+  std::array<int, 3> sign{};      ///< of the direction
+  double reach = std::numeric_limits<double>::infinity();  ///< length of the ray
+};
+
+/// @param first  voxel of `origin`
+template <std::floating_point S>
+[[nodiscard]] RayFaces ray_faces(const VoxelGrid& grid, const VoxelKey& first,
+                                 const Eigen::Matrix<S, 3, 1>& origin, const Eigen::Matrix<S, 3, 1>& end) {
+  const S dx = end.x() - origin.x(), dy = end.y() - origin.y(), dz = end.z() - origin.z();
+  const S length = static_cast<S>(std::sqrt(static_cast<double>(dx * dx + dy * dy + dz * dz)));
+  const S direction[3] = {dx / length, dy / length, dz / length};
+  RayFaces faces;
+  faces.reach = static_cast<double>(length);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const int sign = direction[i] > S(0) ? 1 : direction[i] < S(0) ? -1 : 0;
+    faces.sign[i] = sign;
+    faces.t[i] = std::numeric_limits<double>::max();
+    if (sign == 0) continue;
+    const double face =
+        grid.centre(first[i]) + static_cast<double>(static_cast<S>(sign * grid.resolution() * 0.5));
+    faces.t[i] = (face - static_cast<double>(origin(static_cast<Eigen::Index>(i)))) /
+                 static_cast<double>(direction[i]);
+    faces.delta[i] = grid.resolution() / std::abs(static_cast<double>(direction[i]));
+  }
+  return faces;
+}
+
+}  // namespace detail
 
 /// Calls `visit(PackedKey)` for each voxel on the segment between two points [m]: the first one's voxel
 /// first, the other's left out; nothing when both lie in one voxel. When `visit` returns bool, false
@@ -45,26 +81,15 @@ bool traverse_ray(const VoxelGrid& grid, const Eigen::MatrixBase<A>& from, const
   };
   if (!go_on(key)) return true;
 
-  const S dx = end.x() - origin.x(), dy = end.y() - origin.y(), dz = end.z() - origin.z();
-  const S length = static_cast<S>(std::sqrt(static_cast<double>(dx * dx + dy * dy + dz * dz)));
-  const S direction[3] = {dx / length, dy / length, dz / length};
-  double t[3];         // distance along the ray to the next face, per axis
+  const detail::RayFaces faces = detail::ray_faces<S>(grid, *first, origin, end);
   PackedKey delta[3];  // bits of the distance between faces
   PackedKey step[3];
   for (std::size_t i = 0; i < 3; ++i) {
-    const int sign = direction[i] > S(0) ? 1 : direction[i] < S(0) ? -1 : 0;
-    step[i] = static_cast<PackedKey>(static_cast<std::int64_t>(sign)) << (21 * i);
-    t[i] = std::numeric_limits<double>::max();
-    delta[i] = 0;
-    if (sign == 0) continue;
-    const double face =
-        grid.centre((*first)[i]) + static_cast<double>(static_cast<S>(sign * grid.resolution() * 0.5));
-    t[i] = (face - static_cast<double>(origin(static_cast<Eigen::Index>(i)))) /
-           static_cast<double>(direction[i]);
-    delta[i] = std::bit_cast<PackedKey>(grid.resolution() / std::abs(static_cast<double>(direction[i])));
+    step[i] = static_cast<PackedKey>(static_cast<std::int64_t>(faces.sign[i])) << (21 * i);
+    delta[i] = std::bit_cast<PackedKey>(faces.delta[i]);
   }
-  const auto reach = static_cast<double>(length);
-  double tx = t[0], ty = t[1], tz = t[2];
+  const double reach = faces.reach;
+  double tx = faces.t[0], ty = faces.t[1], tz = faces.t[2];
   for (;;) {
     // As masks, and added as bits: a compiler turns conditions into jumps here.
     const PackedKey x_before_y = -PackedKey(tx < ty), x_before_z = -PackedKey(tx < tz),

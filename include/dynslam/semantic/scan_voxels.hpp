@@ -13,6 +13,7 @@
 
 #include "dynslam/concepts/scalar.hpp"
 #include "dynslam/semantic/label_histogram.hpp"
+#include "dynslam/semantic/ray_bits.hpp"
 #include "dynslam/semantic/ray_traversal.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
 
@@ -162,6 +163,23 @@ class BasicScanVoxels {
     });
   }
 
+  /// As carve() for many rays from one origin, in a third of the time.
+  template <std::floating_point S>
+  void carve_all(const Eigen::Matrix<S, 3, 1>& origin, std::span<const Eigen::Matrix<S, 3, 1>> ends) {
+    if (!ray_bits_.carve(grid_, origin, ends)) {  // too large a box
+      for (const auto& end : ends) carve(origin, end);
+      return;
+    }
+    ray_bits_.drain([this](const VoxelKey& key, unsigned bits) {
+      ScanBlock& block = block_of(pack(key));
+      const std::size_t i = index_in_block(pack(key));
+      // Along x a block has the places 0, 1, 8, 9 in one word and the same in the next.
+      const auto spread = [](unsigned four) { return std::uint64_t((four & 3) | (four & 12) << 6); };
+      block.miss[i >> 6] |= spread(bits & 15) << (i & 63);
+      block.miss[(i >> 6) + 1] |= spread(bits >> 4) << (i & 63);
+    });
+  }
+
   /// As carve(), for many rays that end nearly together: only the first ray into each end voxel is followed.
   template <FixedMatrix<3> A, FixedMatrix<3> B>
   bool carve_once(const Eigen::MatrixBase<A>& origin, const Eigen::MatrixBase<B>& end) {
@@ -215,6 +233,9 @@ class BasicScanVoxels {
       for (const std::uint64_t word : blocks_[b].miss) n += static_cast<std::size_t>(std::popcount(word));
     return n;
   }
+
+  /// Memory for the ends of rays, for those who gather them to carve_all().
+  [[nodiscard]] std::vector<Eigen::Vector3f>& ray_ends() { return ray_ends_; }
 
   /// Place of a voxel within its block, in Morton order.
   [[nodiscard]] static std::size_t index_in_block(PackedKey key) {
@@ -307,6 +328,8 @@ class BasicScanVoxels {
   std::size_t tables_used_ = 0;
   std::vector<End> ends_;
   std::vector<Code> codes_;
+  RayBits ray_bits_;
+  std::vector<Eigen::Vector3f> ray_ends_;
   std::vector<std::uint32_t> order_;
 };
 
@@ -327,19 +350,18 @@ void gather_point_cloud(BasicScanVoxels<N>& scan, std::span<const ScanPoint> poi
   const auto in_range = [&](const Eigen::Vector3f& p) {
     return max_range < 0.0 || norm(p - origin) <= max_range;
   };
-  const auto carve = [&](const Eigen::Vector3f& p) {
-    if (in_range(p)) {
-      scan.carve(origin, p);
-      return;
-    }
+  const auto end_of_range = [&](const Eigen::Vector3f& p) -> Eigen::Vector3f {
     const Eigen::Vector3f d = p - origin;
     const Eigen::Vector3f direction = d / static_cast<float>(norm(d));
-    scan.carve(origin, origin + direction * static_cast<float>(max_range));
+    return origin + direction * static_cast<float>(max_range);
   };
+  std::vector<Eigen::Vector3f>& ends = scan.ray_ends();
+  ends.clear();
   for (const ScanPoint& point : points) {
     if (!discretize) {
-      if (in_range(point.p)) scan.add_end(point.p, point.label, point.rgb);
-      carve(point.p);
+      const bool hit = in_range(point.p);
+      if (hit) scan.add_end(point.p, point.label, point.rgb);
+      ends.push_back(hit ? point.p : end_of_range(point.p));
       continue;
     }
     if (scan.add_to_last(point)) continue;
@@ -352,11 +374,12 @@ void gather_point_cloud(BasicScanVoxels<N>& scan, std::span<const ScanPoint> poi
     const Eigen::Vector3f centre = grid.centre(*key).cast<float>();
     if (in_range(centre)) {
       scan.add_end(*key, point.label, point.rgb);
-      carve(centre);
+      ends.push_back(centre);
     } else if (scan.mark_end(*key)) {
-      carve(centre);
+      ends.push_back(end_of_range(centre));
     }
   }
+  scan.carve_all(origin, std::span<const Eigen::Vector3f>(ends));
   scan.finish();
 }
 

@@ -50,8 +50,8 @@ void list(FieldList& f, PointMakerOptions<double>& o) {
 
 void list(FieldList& f, KeyframeOptions<double>& o) {
   f("urgent", o.urgent, "matches", "matches of the map below which a keyframe does not wait", kCount);
-  f("min_gap", o.min_gap, "frames", "frames between two keyframes when nothing is urgent", kCount);
-  f("max_gap", o.max_gap, "frames", "frames after which there is a keyframe in any case", from(1));
+  f("min_gap", o.min_gap, "1/30 s", "time between two keyframes when nothing is urgent", kCount);
+  f("max_gap", o.max_gap, "1/30 s", "time after which there is a keyframe in any case", from(1));
   f("ratio", o.ratio, "", "share of the last keyframe's points in view below which there is a new one",
     kShare);
   f("translation", o.translation, "m", "distance from the last keyframe that makes a new one", kPositive);

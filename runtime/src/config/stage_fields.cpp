@@ -60,7 +60,9 @@ void list(FieldList& f, MaskKeeperOptions& o) {
   f("points", o.points, "corners", "corners that carry a mask", between(1, 10000));
   f("min_points", o.min_points, "corners", "corners followed below which a mask is dropped", from(1));
   f("depth_margin", o.depth_margin, "m", "margin around an object's depth that may be its own", kNotNegative);
-  f("band", o.band, "px", "margin around a mask that may be added to it by depth", between(0, 500));
+  f("band", o.band, "px", "margin around a mask that may be added to it by depth, per image",
+    between(0, 500));
+  f("most_band", o.most_band, "px", "and in all while it is carried", between(0, 500));
   f("redetected", o.redetected, "", "share of a kept mask under new detections from which it is replaced",
     kShare);
   f("max_cover", o.max_cover, "", "share of the image above which kept masks are given up", kShare);

@@ -3,11 +3,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <filesystem>
 #include <sstream>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
@@ -51,6 +54,44 @@ bool is_name(const std::string& name_or_file) {
   return name_or_file == "fr1" || name_or_file == "fr2" || name_or_file == "fr3" || name_or_file == "bonn";
 }
 
+/// Where the presets of well-known sensors lie: beside the program, built or installed, wherever its prefix
+/// is.
+std::filesystem::path preset_folder() {
+  std::error_code error;
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
+  return program.parent_path().parent_path() / "share" / "dynslam" / "cameras";
+}
+
+/// The names of the presets, in order, each with a comma and a space behind it.
+std::string preset_names() {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (std::filesystem::directory_iterator at(preset_folder(), error), end; !error && at != end;
+       at.increment(error)) {
+    std::string name = at->path().stem().string();
+    if (at->path().extension() == ".txt" && !is_name(name)) names.push_back(std::move(name));
+  }
+  std::sort(names.begin(), names.end());
+  std::string all;
+  for (const std::string& name : names) all += name + ", ";
+  return all;
+}
+
+/// A file as it is named, else the preset of that name. @throws UsageError where there is neither
+std::string file_of(const std::string& name_or_file) {
+  const auto is_file = [](const std::filesystem::path& path) {
+    std::error_code error;
+    return std::filesystem::exists(path, error) && !std::filesystem::is_directory(path, error);
+  };
+  if (is_file(name_or_file)) return name_or_file;
+  if (name_or_file.find('/') == std::string::npos) {
+    const std::filesystem::path preset = preset_folder() / (name_or_file + ".txt");
+    if (is_file(preset)) return preset.string();
+  }
+  throw UsageError(fmt::format("unknown camera '{}': neither fr1, fr2, fr3, bonn, {}nor a readable file",
+                               name_or_file, preset_names()));
+}
+
 }  // namespace
 
 CameraConfig parse_camera(std::istream& in, const std::string& file) {
@@ -63,10 +104,11 @@ CameraConfig load_camera(const std::string& name_or_file, double usual_units) {
     camera.depth_units_per_metre = usual_units;
     return camera;
   }
-  std::istringstream in(read_file(name_or_file));
-  CameraFacts facts = facts_of(in, name_or_file);
+  const std::string file = file_of(name_or_file);
+  std::istringstream in(read_file(file));
+  CameraFacts facts = facts_of(in, file);
   facts.numbers.try_emplace("depth_units_per_metre", usual_units);
-  return camera_of_facts(facts, name_or_file);
+  return camera_of_facts(facts, file);
 }
 
 std::filesystem::path camera_file_in(const std::filesystem::path& folder) {
@@ -100,13 +142,9 @@ CameraConfig load_camera(const std::string& name_or_file) {
   }
   if (name_or_file.empty())
     throw UsageError("the camera is not known from the sequence: give --camera fr1|fr2|fr3|bonn|FILE");
-  std::error_code error;
-  if (!std::filesystem::exists(name_or_file, error) || std::filesystem::is_directory(name_or_file, error)) {
-    throw UsageError(
-        fmt::format("unknown camera '{}': neither fr1, fr2, fr3, bonn nor a readable file", name_or_file));
-  }
-  std::istringstream in(read_file(name_or_file));
-  return parse_camera(in, name_or_file);
+  const std::string file = file_of(name_or_file);
+  std::istringstream in(read_file(file));
+  return parse_camera(in, file);
 }
 
 }  // namespace dynslam::runtime

@@ -100,8 +100,9 @@ bool MaskKeeper::carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) co
   if (static_cast<int>(du.size()) < options_.min_points) return false;
   const cv::Point2f shift(median_of(du), median_of(dv));
   const cv::Matx23f M(1, 0, shift.x, 0, 1, shift.y);
-  cv::Mat moved;
+  cv::Mat moved, most;
   cv::warpAffine(kept.mask, moved, M, kept.mask.size(), cv::INTER_NEAREST);
+  cv::warpAffine(kept.reach, most, M, kept.reach.size(), cv::INTER_NEAREST);
 
   std::vector<float> values;
   for (std::size_t i = 0; i < from.size(); ++i) {
@@ -116,6 +117,7 @@ bool MaskKeeper::carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) co
   const float now = median_of(values);
   cv::Mat reach;
   cv::dilate(moved, reach, square(options_.band));
+  cv::bitwise_and(reach, most, reach);
   for (int v = 0; v < moved.rows; ++v) {
     auto* m = moved.ptr<std::uint8_t>(v);
     const auto* r = reach.ptr<std::uint8_t>(v);
@@ -127,6 +129,7 @@ bool MaskKeeper::carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) co
   }
   if (cv::countNonZero(moved) < kSmallest) return false;
   kept.mask = std::move(moved);
+  kept.reach = std::move(most);
   kept.depth = now;
   return true;
 }
@@ -153,6 +156,7 @@ Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gr
       refine(part, depth, k.depth);
       if (cv::countNonZero(part) < kSmallest) continue;
       seen |= part;
+      cv::dilate(part, k.reach, square(options_.most_band));
       k.mask = std::move(part);
       next.push_back(std::move(k));
     }

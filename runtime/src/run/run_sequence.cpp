@@ -102,7 +102,7 @@ class Run {
   std::optional<SegmentedFrame> next();
   void take(SegmentedFrame& input);
   void take_live(const RgbdFrame& frame);
-  void note(const std::string& stamp, const TrackResult& result, const RunTimings::Row& times);
+  void note(double t, const std::string& stamp, const TrackResult& result, const RunTimings::Row& times);
   void save_at_times();
   void report(const std::function<void(const Progress&)>& progress) const;
   void count_missing_masks();
@@ -127,6 +127,7 @@ class Run {
   std::exception_ptr failure_;
   std::optional<SpaceReserve> reserve_;
   std::size_t unlisted_ = 0;  // problems that are not in the summary
+  LostFrames lost_;           // those that are in it
   Stopwatch wall_, since_saved_;
   double elapsed_ms_ = 0, unsaved_ms_ = 0;
   // A live run: its results come on another thread, which has all of the above while it holds the mutex.
@@ -153,7 +154,7 @@ void Run::start_stages() {
     live.clock = nullptr;
     live.result = [this](const LiveResult& r) {
       const std::lock_guard lock(mutex_);
-      note(r.stamp, r.track,
+      note(r.t, r.stamp, r.track,
            {r.stamp, r.track.times, r.network_ms, r.keeper_ms, 0, 0, {}, 1000 * r.latency, r.mask_age});
       save_at_times();
     };
@@ -233,11 +234,11 @@ void Run::take(SegmentedFrame& input) {
   std::optional<Masks>& prior = input.segmented.masks;
   if (masks_) prior = masks_->read(frame.stamp, camera_.width, camera_.height);
   const TrackResult result = slam_->track(frame, prior);
-  note(frame.stamp, result,
+  note(frame.t, frame.stamp, result,
        {frame.stamp, result.times, input.segmented.network_ms, input.segmented.keeper_ms, 0, 0, {}});
 }
 
-void Run::note(const std::string& stamp, const TrackResult& result, const RunTimings::Row& times) {
+void Run::note(double t, const std::string& stamp, const TrackResult& result, const RunTimings::Row& times) {
   if (result.mask_rejected != MaskVerdict::kept)
     summary_.masks_rejected.emplace_back(stamp, result.mask_rejected);
   if (result.ok()) {
@@ -245,6 +246,7 @@ void Run::note(const std::string& stamp, const TrackResult& result, const RunTim
     if (result.loop) summary_.loops.push_back(*result.loop);
   } else {
     ++summary_.lost;
+    if (unlisted_ == 0) lost_.emplace_back(t, summary_.problems.size());
     note_problem(fmt::format("{}: {}", stamp, to_string(result.state)));
   }
   if (options_.save_masks) write_image(options_.out / "masks" / (stamp + ".png"), result.dynamic_mask);
@@ -306,9 +308,9 @@ void Run::save(const std::atomic<bool>& stop) {
   attempt([&] { count_missing_masks(); });
   attempt([&] { judge_broken(); });
   attempt([&] { slam_->finish(); });
+  take_trajectories();
   if (unlisted_ > 0) summary_.problems.push_back(fmt::format("and {} more problems", unlisted_));
   if (reserve_) reserve_->release();
-  take_trajectories();
   write_files();
   if (options_.map && slam_->whole()) attempt([&] { slam_->save_octree(options_.out); });
   if (!options_.save_map.empty()) attempt([&] { slam_->save(options_.save_map); });
@@ -327,6 +329,7 @@ void Run::take_trajectories() {
       summary_.trajectory.size() - std::min(summary_.trajectory.size(), summary_.tracked);
   summary_.tracked += later;
   summary_.lost -= std::min(later, summary_.lost);
+  if (later > 0) drop_found(lost_, summary_);
 }
 
 void Run::write_files() {

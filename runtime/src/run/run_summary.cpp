@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <Eigen/Core>
+#include <algorithm>
+#include <cstddef>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/version.hpp>
 
@@ -85,6 +87,20 @@ std::string summary_json(const RunOptions& options, const CameraConfig& camera, 
       {"compiler", __VERSION__}};
   // Names of files are bytes; JSON has text alone.
   return j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+void drop_found(const LostFrames& lost, RunSummary& summary) {
+  const auto& poses = summary.trajectory;
+  const auto found = [&](double t) {
+    const auto at = std::lower_bound(poses.begin(), poses.end(), t,
+                                     [](const auto& p, double time) { return p.t < time; });
+    return at != poses.end() && at->t == t;
+  };
+  // From the end, where places before stay what they are.
+  for (auto frame = lost.rbegin(); frame != lost.rend(); ++frame) {
+    if (found(frame->first))
+      summary.problems.erase(summary.problems.begin() + static_cast<std::ptrdiff_t>(frame->second));
+  }
 }
 
 }  // namespace dynslam::runtime

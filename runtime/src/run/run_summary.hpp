@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "dynslam/runtime/io/camera.hpp"
 #include "dynslam/runtime/run/run_sequence.hpp"
@@ -11,5 +14,11 @@ namespace dynslam::runtime {
 /// summary.json: what a run did, what it was asked for and what it was built with.
 [[nodiscard]] std::string summary_json(const RunOptions& options, const CameraConfig& camera,
                                        const RunSummary& summary);
+
+/// Frames without a pose: time [s], place among the problems; in order.
+using LostFrames = std::vector<std::pair<double, std::size_t>>;
+
+/// Takes frames that have a pose in the trajectory after all out of the problems.
+void drop_found(const LostFrames& lost, RunSummary& summary);
 
 }  // namespace dynslam::runtime

@@ -17,10 +17,13 @@ void EventJournal::note(const Tracker& tracker, double t, const TrackResult* res
   if (tracker.adjustments() != adjustments_) add(events_.adjusted, AdjustedEvent{t, newest_});
   if (result == nullptr) return;
   note_state(*result, t);
-  // Of a place that a keyframe shows already the map notes the pose alone, as one that is culled.
-  const int newest = tracker.map().newest();
-  if (newest != newest_ && !tracker.map().keyframe(newest).culled())
-    add(events_.keyframe, KeyframeEvent{newest, t, result->T_w_c});
+  // Where the camera was about to be lost the frame before became one, too. Of a place that a keyframe shows
+  // already the map notes the pose alone, as one that is culled.
+  for (int id = newest_ + 1; id <= tracker.map().newest(); ++id) {
+    const Keyframe& keyframe = tracker.map().keyframe(id);
+    if (!keyframe.culled())
+      add(events_.keyframe, KeyframeEvent{id, keyframe.frame.t, tracker.map().pose(id).inverse()});
+  }
   if (result->loop) add(events_.loop, LoopEvent{t, *result->loop});
 }
 

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstring>
 #include <opencv2/imgproc.hpp>
+#include <span>
+#include <vector>
 #include "io/argument_check.hpp"
 
 namespace dynslam::runtime {
@@ -40,6 +42,22 @@ bool stronger(const cv::KeyPoint& a, const cv::KeyPoint& b) {
   return a.pt.x < b.pt.x;
 }
 
+/// Shares features out among the levels of a pyramid, in proportion to their scales; levels that are too
+/// small get none. So the coarsest corners are as coarse a part of the image at every size.
+/// @param side  smaller side of the image [px]
+std::vector<int> features_per_level(std::span<const float> scales, int features, int side) {
+  constexpr float kSmallest = 120;  // pixels of the smaller side; of 8 levels of 640x480 the last has 134
+  std::size_t used = 1;
+  while (used < scales.size() && static_cast<float>(side) / scales[used] >= kSmallest) ++used;
+  float total = 0.0F;
+  for (const float s : scales.first(used)) total += 1.0F / s;
+  std::vector<int> wanted(scales.size(), 0);
+  for (std::size_t level = 0; level < used; ++level)
+    wanted[level] =
+        std::max(1, static_cast<int>(std::lround(static_cast<float>(features) / scales[level] / total)));
+  return wanted;
+}
+
 }  // namespace
 
 FeatureExtractor::FeatureExtractor(const FeatureOptions& options) : options_(options) {
@@ -48,14 +66,10 @@ FeatureExtractor::FeatureExtractor(const FeatureOptions& options) : options_(opt
           options.scale_factor <= 4 && options.cell >= 1,
       "FeatureExtractor: expected features, levels (to 32) and cell of 1 or more, a scale factor above 1 to "
       "4");
-  float scale = 1.0F, total = 0.0F;
+  float scale = 1.0F;
   for (int level = 0; level < options_.levels; ++level) {
     scales_.push_back(scale);
-    total += 1.0F / scale;
     scale *= options_.scale_factor;
-  }
-  for (const float s : scales_) {
-    wanted_.push_back(static_cast<int>(std::lround(static_cast<float>(options_.features) / s / total)));
   }
   for (int y = 0; y <= kHalfPatch; ++y) {
     circle_.push_back(static_cast<int>(std::lround(std::sqrt(kHalfPatch * kHalfPatch - y * y))));
@@ -136,6 +150,7 @@ void FeatureExtractor::extract(const cv::Mat& image, ImageFeatures& out) {
   out.keypoints.clear();
   out.pyramid.levels.resize(static_cast<std::size_t>(options_.levels));
   out.pyramid.pixel_size.resize(static_cast<std::size_t>(options_.levels));
+  wanted_ = features_per_level(scales_, options_.features, std::min(gray.cols, gray.rows));
   for (int level = 0; level < options_.levels; ++level) {
     cv::Mat& reduced = out.pyramid.levels[static_cast<std::size_t>(level)];
     if (level == 0) {
@@ -149,7 +164,7 @@ void FeatureExtractor::extract(const cv::Mat& image, ImageFeatures& out) {
     }
     out.pyramid.pixel_size[static_cast<std::size_t>(level)] = {static_cast<double>(gray.cols) / reduced.cols,
                                                                static_cast<double>(gray.rows) / reduced.rows};
-    detect_level(level, out);
+    if (wanted_[static_cast<std::size_t>(level)] > 0) detect_level(level, out);
   }
   cv::Mat rows;
   if (!out.keypoints.empty()) orb_->compute(gray, out.keypoints, rows);  // may drop keypoints at the border

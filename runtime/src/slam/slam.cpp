@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "dynslam/runtime/slam.hpp"
 
+#include <map>
+#include <string>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
@@ -46,6 +48,18 @@ SlamOptions with_noise_of(const CameraConfig& camera, SlamOptions options) {
   return options;
 }
 
+/// Puts the scans of a map that was begun while the camera was lost into an octree.
+/// @param keyframes  where they are now
+/// @param first      id there of the map's first keyframe
+void insert_scans(const SeparateMap& map, const LocalMap& keyframes, int first, RunMap& octree) {
+  for (const SeparateMap::Scan& scan : map.scans()) {
+    TrackResult result = scan.result;
+    result.reference += first;
+    result.T_w_c = keyframes.pose(result.reference).inverse();
+    octree.insert(result, scan.frame, scan.prior);
+  }
+}
+
 }  // namespace
 
 struct Slam::State {
@@ -67,6 +81,8 @@ struct Slam::State {
   }
   /// Has a map that was begun while the camera was lost become part of the main one.
   void join(SeparateMap& map, double t);
+  /// Saves a map that was never joined beside the main one in its folder.
+  void save_beside(const SeparateMap& map, const std::filesystem::path& folder);
 
   CameraConfig camera;
   SlamOptions options;
@@ -79,6 +95,7 @@ struct Slam::State {
   std::size_t seen = 0;  // frames
   std::optional<double> last_t;
   SavedScans loaded;
+  std::map<std::pair<std::filesystem::path, int>, std::filesystem::path> beside;  // folders of separate maps
   bool whole = true;
 };
 
@@ -86,15 +103,26 @@ void Slam::State::join(SeparateMap& map, double t) {
   map.tracker().finish();
   const int first = tracker->adopt(map.tracker().map(), map.T_main_w());
   frames.take(map.frames(), first);
-  if (octree) {
-    for (const SeparateMap::Scan& scan : map.scans()) {
-      TrackResult result = scan.result;
-      result.reference += first;
-      result.T_w_c = tracker->map().pose(result.reference).inverse();
-      octree->insert(result, scan.frame, scan.prior);
-    }
-  }
+  if (octree) insert_scans(map, tracker->map(), first, *octree);
   journal.joined({t, map.number, map.frames().size(), map.T_main_w()});
+}
+
+void Slam::State::save_beside(const SeparateMap& map, const std::filesystem::path& folder) {
+  std::filesystem::path& own = beside[{folder, map.number}];
+  for (int n = map.number; own.empty(); ++n) {  // what an earlier run left there stays
+    const auto name = folder / ("map" + std::to_string(n));
+    if (!std::filesystem::exists(name)) own = name;
+  }
+  LocalMap keyframes = map.tracker().map();
+  std::unique_ptr<RunMap> scans;
+  std::vector<int> names;
+  if (octree && whole && !map.scans().empty()) {
+    scans = std::make_unique<RunMap>(camera, mapper_options(options));
+    insert_scans(map, keyframes, 0, *scans);
+    scans->finish();
+    names = scans->tidy(keyframes);
+  }
+  save_slam_map(keyframes, camera, scans ? &scans->mapper() : nullptr, own, {}, names);
 }
 
 Slam::Slam(const CameraConfig& camera, const SlamOptions& options)
@@ -206,6 +234,9 @@ void Slam::save(const std::filesystem::path& folder) {
   std::vector<int> names;  // scans that are taken over name their keyframes as they are
   if (mapped) names = s.octree->tidy(map);
   save_slam_map(map, s.camera, mapped ? &s.octree->mapper() : nullptr, folder, s.loaded, names);
+  for (const auto& separate : s.separate->maps()) {
+    if (separate->frames().size() > 0) s.save_beside(*separate, folder);
+  }
 }
 
 void Slam::load(const std::filesystem::path& folder) {

@@ -226,7 +226,16 @@ bool Tracker::try_initial_pose(Present& now, const SE3<double>& predicted, float
   return true;
 }
 
+/// The features' depth at the colour image's time, by the motion that was found instead of the one before it.
+void Tracker::look_up_depth(Present& now) {
+  const auto motion = depth_motion(now.input, now.T_c_w * last_.T_c_w.inverse());
+  if (!motion) return;
+  matcher_.placer().set_depth_motion(motion);
+  for (Feature& f : now.frame.features) matcher_.placer().place(f, Eigen::Vector2d(f.u, f.v), now.depth);
+}
+
 bool Tracker::prove_on_local_map(Present& now, int wanted) {
+  look_up_depth(now);
   matcher_.match_local(map_, now.T_c_w, now.image->pyramid, now.depth, now.frame);
   if (additions_.strict_local_map && !now.plain) {
     // The pose is good to a fraction of a pixel already. What is farther off moves, and were it let in, a

@@ -20,6 +20,7 @@ constexpr std::size_t kBadPoints = 1000;  // beside as many as live ones: half a
 bool Tracker::wants_keyframe(const Present& now) const {
   KeyframeEvidence<double> seen;
   seen.frames = static_cast<int>(now.frame.index - last_keyframe_index_);
+  if (last_keyframe_t_) seen.frames = frames_of_30_hz(seen.frames, now.frame.t - *last_keyframe_t_);
   seen.inliers = now.result.inliers;
   seen.points_then = last_keyframe_tracked_;
   seen.T_c_keyframe = now.frame.T_c_w * map_.pose(map_.newest()).inverse();
@@ -42,6 +43,7 @@ void Tracker::keep(Present& now) {
     last_keyframe_tracked_ = now.result.matches;
   }
   last_keyframe_index_ = frame.index;
+  last_keyframe_t_ = frame.t;
   if (uses_geometry(options_.dynamics) &&
       (!geometry_.has_reference() || map_.newest() - reference_id_ > options_.reference_distance))
     set_reference(frame);
@@ -94,6 +96,7 @@ bool Tracker::look_again() {
   const int id = map_.add_keyframe(last_);
   places_.add(id, last_);
   last_keyframe_index_ = last_.index;
+  last_keyframe_t_ = last_.t;
   last_pyramid_ = {};  // once
   return true;
 }

@@ -30,10 +30,20 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kWidth = 640, kHeight = 480;
-constexpr double kStart = 1000000.0;                        // first time stamp [s]
-constexpr double kDepthUnits = 5000.0;                      // per metre
-const Pinhole<double> kCamera(535.4, 539.2, 320.1, 247.6);  // TUM fr3
+constexpr double kStart = 1000000.0;    // first time stamp [s]
+constexpr double kDepthUnits = 5000.0;  // per metre
+
+/// Pixels of the images per pixel of TUM's.
+double scale_of(const SynthOptions& o) {
+  return o.width / 640.0;
+}
+
+/// TUM's fr3 in images of another size. Centres of pixels are whole numbers, so the image begins at -0.5.
+Pinhole<double> camera_of(const SynthOptions& o) {
+  if (o.width == 640 && o.height == 480) return {535.4, 539.2, 320.1, 247.6};
+  const double s = scale_of(o);
+  return {535.4 * s, 539.2 * s, (320.1 + 0.5) * s - 0.5, (247.6 - 239.5) * s + 0.5 * (o.height - 1)};
+}
 
 void check(const SynthOptions& o) {
   const auto one_of = [](const std::string& value, std::initializer_list<const char*> allowed) {
@@ -50,6 +60,8 @@ void check(const SynthOptions& o) {
   if (o.blackout_from < 0 || o.blackout_frames < 0)
     throw UsageError("a blackout cannot begin or last less than 0 frames");
   if (!(o.fps >= 1 && o.fps <= 240)) throw UsageError("--fps must be from 1 to 240");
+  if (o.width < 64 || o.width > 4096 || o.height < 48 || o.height > 4096)
+    throw UsageError(fmt::format("--size {}x{}: must be from 64x48 to 4096x4096", o.width, o.height));
 }
 
 /// The lists of a sequence, and where the camera is.
@@ -80,7 +92,12 @@ Plan plan(const SynthOptions& options, const synth::Shake& shake) {
 class Photographer {
  public:
   Photographer(const SynthOptions& options, const Plan& plan, const synth::Shake& shake, fs::path out)
-      : options_(options), plan_(plan), shake_(shake), out_(std::move(out)), scene_(options) {}
+      : options_(options),
+        plan_(plan),
+        shake_(shake),
+        out_(std::move(out)),
+        camera_(camera_of(options)),
+        scene_(options) {}
 
   void take(int i) const {
     const double t = i / options_.fps;
@@ -92,7 +109,7 @@ class Photographer {
         image->setTo(0);
     }
     const cv::Mat depth = [&] {
-      if (options_.noise) return synth::sense_depth(picture, kCamera.fx(), random);
+      if (options_.noise) return synth::sense_depth(picture, camera_.fx(), scale_of(options_), random);
       cv::Mat raw;
       picture.depth.convertTo(raw, CV_16UC1, kDepthUnits);
       return raw;
@@ -109,7 +126,8 @@ class Photographer {
 
  private:
   [[nodiscard]] synth::Rendering render(double t, const SE3<double>& T_w_c) const {
-    return synth::render(scene_.triangles(t), scene_.textures(), kCamera, T_w_c.inverse(), kWidth, kHeight);
+    return synth::render(scene_.triangles(t), scene_.textures(), camera_, T_w_c.inverse(), options_.width,
+                         options_.height);
   }
 
   /// Motion blur, exposure and noise of the colour image.
@@ -132,9 +150,9 @@ class Photographer {
   }
 
   static void add_noise(cv::Mat& bgr, synth::Random& random) {
-    for (int v = 0; v < kHeight; ++v) {
+    for (int v = 0; v < bgr.rows; ++v) {
       auto* row = bgr.ptr<cv::Vec3b>(v);
-      for (int u = 0; u < kWidth; ++u) {
+      for (int u = 0; u < bgr.cols; ++u) {
         const double n = 4.0 * (random.uniform(-1, 1) + random.uniform(-1, 1));
         for (int c = 0; c < 3; ++c) row[u][c] = cv::saturate_cast<std::uint8_t>(row[u][c] + n);
       }
@@ -145,6 +163,7 @@ class Photographer {
   const Plan& plan_;
   const synth::Shake& shake_;
   fs::path out_;
+  Pinhole<double> camera_;
   synth::Scene scene_;
 };
 
@@ -188,7 +207,9 @@ nlohmann::json to_json(const SynthOptions& options) {
           {"noise", options.noise},
           {"blackout_from", options.blackout_from},
           {"blackout_frames", options.blackout_frames},
-          {"fps", options.fps}};
+          {"fps", options.fps},
+          {"width", options.width},
+          {"height", options.height}};
 }
 
 /// Refuses a folder with a sequence that this program did not make: its ground truth would be lost.
@@ -223,11 +244,12 @@ void synthesize(const SynthOptions& options, const fs::path& out,
   write_file(out / "depth.txt", lists.depth);
   write_file(out / "associations.txt", lists.associations);
   write_trajectory(out / "groundtruth.txt", lists.truth);
-  write_file(
-      out / "camera.txt",
-      fmt::format("name = synthetic\nwidth = {}\nheight = {}\nfx = {}\nfy = {}\ncx = {}\ncy = "
-                  "{}\ndepth_units_per_metre = {}\n",
-                  kWidth, kHeight, kCamera.fx(), kCamera.fy(), kCamera.cx(), kCamera.cy(), kDepthUnits));
+  const Pinhole<double> camera = camera_of(options);
+  write_file(out / "camera.txt",
+             fmt::format("name = synthetic\nwidth = {}\nheight = {}\nfx = {}\nfy = {}\ncx = {}\ncy = "
+                         "{}\ndepth_units_per_metre = {}\n",
+                         options.width, options.height, camera.fx(), camera.fy(), camera.cx(), camera.cy(),
+                         kDepthUnits));
 }
 
 }  // namespace dynslam::runtime

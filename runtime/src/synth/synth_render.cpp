@@ -162,12 +162,12 @@ Rendering render(std::span<const Triangle> triangles, const std::vector<Texture>
   return r;
 }
 
-cv::Mat sense_depth(const Rendering& exact, double fx, Random& random) {
+cv::Mat sense_depth(const Rendering& exact, double fx, double scale, Random& random) {
   constexpr double kBaseline = 0.075;  // metres between projector and camera
-  constexpr double kStep = 1.0 / 8.0;  // px
-  constexpr double kNoise = 0.06;      // px
+  constexpr double kStep = 1.0 / 8.0;  // px of the sensor
+  constexpr double kNoise = 0.06;      // px of the sensor
   cv::Mat raw = cv::Mat::zeros(exact.depth.size(), CV_16UC1);
-  const double fb = fx * kBaseline;
+  const double fb = fx * kBaseline, sensor_fb = fb / scale;
   for (int v = 0; v < raw.rows; ++v) {
     double lit = -1e9;  // how far to the right the projector's rays are used up, in its own columns
     for (int u = 0; u < raw.cols; ++u) {
@@ -184,9 +184,9 @@ cv::Mat sense_depth(const Rendering& exact, double fx, Random& random) {
       const double luminance = 0.114 * c[0] + 0.587 * c[1] + 0.299 * c[2];
       const double lost = 0.002 + (luminance < 28 ? 0.25 : 0.0) + (cosine < 0.2 ? 4 * (0.2 - cosine) : 0.0);
       if (chance < lost) continue;
-      const double disparity = std::round((fb / z + kNoise * noise) / kStep) * kStep;
+      const double disparity = std::round((sensor_fb / z + kNoise * noise) / kStep) * kStep;
       if (disparity > 0.5)
-        raw.at<std::uint16_t>(v, u) = cv::saturate_cast<std::uint16_t>(5000.0 * fb / disparity);
+        raw.at<std::uint16_t>(v, u) = cv::saturate_cast<std::uint16_t>(5000.0 * sensor_fb / disparity);
     }
   }
   return raw;

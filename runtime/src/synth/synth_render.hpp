@@ -29,6 +29,8 @@ struct Rendering {
 /// What a structured-light camera would measure: disparity in steps of 1/8 px with noise (so that the
 /// error grows with z^2), no value in the projector's shadow, on dark and on grazing surfaces, or
 /// outside 0.45..7 m. CV_16UC1, 5000 per metre.
-[[nodiscard]] cv::Mat sense_depth(const Rendering& exact, double fx, Random& random);
+/// @param fx     focal length of the image [px]
+/// @param scale  pixels of the image per pixel of the sensor that measures disparity
+[[nodiscard]] cv::Mat sense_depth(const Rendering& exact, double fx, double scale, Random& random);
 
 }  // namespace dynslam::runtime::synth

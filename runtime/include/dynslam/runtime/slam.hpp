@@ -96,8 +96,9 @@ class Slam {
   [[nodiscard]] const interop::SemanticOcTree* octree() const;
 
   /// Saves the map for load(); see save_slam_map(). A saved map is never made poorer: without an octree, the
-  /// scans and the octree of the map that was loaded are taken over. @throws InputError: the folder cannot be
-  /// written, or it holds a map and whole() does not hold
+  /// scans and the octree of the map that was loaded are taken over. Maps that were never joined to the main
+  /// one are saved in it as map2, map3 or the next name that is free, each for load().
+  /// @throws InputError: the folder cannot be written, or it holds a map and whole() does not hold
   void save(const std::filesystem::path& folder);
   /// Goes on in a map that was saved: the camera is lost until it finds itself there. Call it before the
   /// first frame. @throws InputError naming the file

@@ -25,10 +25,11 @@ struct CameraConfig {
   std::optional<DepthNoise<double>> depth_noise{};
 };
 
-/// A camera by name (fr1, fr2, fr3: TUM RGB-D; bonn: Bonn RGB-D Dynamic) or from a file: `key = value` lines,
-/// ROS' camera_info in YAML, or OpenCV's FileStorage in YAML or XML, told apart by what they hold. The keys
-/// are those of docs/cameras.md; a file that does not say how many units a metre of depth has gets 5000
-/// where it has `key = value` lines and 1000 otherwise.
+/// A camera by name (fr1, fr2, fr3: TUM RGB-D; bonn: Bonn RGB-D Dynamic; a preset's in
+/// ../share/dynslam/cameras beside the program, as realsense_d435) or from a file, which goes before a
+/// preset: `key = value` lines, ROS' camera_info in YAML, or OpenCV's FileStorage in YAML or XML, told apart
+/// by what they hold. The keys are those of docs/cameras.md; a file that does not say how many units a metre
+/// of depth has gets 5000 where it has `key = value` lines and 1000 otherwise.
 /// @throws UsageError for a name that is neither, InputError (file, line) for a bad file
 [[nodiscard]] CameraConfig load_camera(const std::string& name_or_file);
 [[nodiscard]] CameraConfig parse_camera(std::istream& in, const std::string& file);

@@ -15,7 +15,8 @@ struct MaskKeeperOptions {
   int points = 60;             ///< corners that carry a mask
   int min_points = 6;          ///< fewer followed: the mask is dropped
   float depth_margin = 0.20F;  ///< metres around an object's depth that may be its own
-  int band = 3;                ///< pixels around a mask that may be added to it by depth
+  int band = 3;                ///< pixels around a mask that may be added to it by depth, per image
+  int most_band = 24;          ///< and in all: a floor is as far away as what stands on it
   double redetected = 0.3;     ///< share of a kept mask under new detections from which it is replaced
   double max_cover = 0.8;      ///< share of the image above which kept masks are given up
 };
@@ -40,6 +41,7 @@ class MaskKeeper {
  private:
   struct Kept {
     cv::Mat mask;     // CV_8UC1 of image size
+    cv::Mat reach;    // what it may ever cover, carried along
     float depth = 0;  // median [m]; 0 unknown
     int age = 0;
     double seen = 0;  // time of its last detection [s]

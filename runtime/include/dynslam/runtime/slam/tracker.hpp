@@ -69,6 +69,7 @@ class Tracker {
   /// found
   int find_initial_pose(Present& now);
   bool try_initial_pose(Present& now, const SE3<double>& predicted, float radius);
+  void look_up_depth(Present& now);
   /// Matches the local map's points. @return whether `wanted` of them fit one pose
   bool prove_on_local_map(Present& now, int wanted);
   bool relocalise(Present& now);
@@ -127,7 +128,8 @@ class Tracker {
   SE3<double> T_reference_keyframe_;  // and how
   std::size_t last_keyframe_index_ = 0;
   int last_keyframe_tracked_ = 0;
-  cv::Mat resting_;  // people at rest, CV_8UC1
+  cv::Mat resting_;                        // people at rest, CV_8UC1
+  std::optional<double> last_keyframe_t_;  // empty until this run has one [s]
 };
 // A thread of its own adjusts the map through pointers to its members.
 static_assert(!std::is_move_constructible_v<Tracker> && !std::is_move_assignable_v<Tracker>);

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Decoding 640 x 480 PNGs, 8 bit colour and 16 bit depth: what the runtime does with the bytes of a file
+// (checks of the file included) beside OpenCV's imdecode. The images are recorded ones where DYNSLAM_DATA
+// names the data, made-up ones otherwise; each is decoded to the same pixels.
+#include <benchmark/benchmark.h>
+
+#ifdef DYNSLAM_BENCH_OPENCV
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+#include <vector>
+
+#include "dynslam/runtime/io/image_io.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
+#include "support/named.hpp"
+#include "support/rng.hpp"
+
+namespace {
+
+using namespace dynslam;
+
+/// A wave with noise, as a camera of the kind would see it.
+cv::Mat made_up(bool colour) {
+  bench::Random random(41);
+  cv::Mat image(480, 640, colour ? CV_8UC3 : CV_16UC1);
+  for (int v = 0; v < image.rows; ++v) {
+    for (int u = 0; u < image.cols; ++u) {
+      const double wave = std::sin(0.02 * u) * std::cos(0.03 * v);
+      if (colour) {
+        const auto grey = [&] { return static_cast<std::uint8_t>(128 + 80 * wave + random.uniform(-5, 5)); };
+        image.at<cv::Vec3b>(v, u) = {grey(), grey(), grey()};
+      } else {
+        image.at<std::uint16_t>(v, u) =
+            static_cast<std::uint16_t>(10000 + 2000 * wave + random.uniform(-20, 20));
+      }
+    }
+  }
+  return image;
+}
+
+/// Bytes of a PNG.
+std::string encoded(bool colour) {
+  const char* data = std::getenv("DYNSLAM_DATA");
+  if (data != nullptr) {
+    const auto folder =
+        std::filesystem::path(data) / "tum/rgbd_dataset_freiburg1_xyz_first200" / (colour ? "rgb" : "depth");
+    std::filesystem::path first;
+    if (std::filesystem::is_directory(folder)) {
+      for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+        if (entry.path().extension() == ".png" && (first.empty() || entry.path() < first))
+          first = entry.path();
+      }
+    }
+    if (!first.empty()) return runtime::read_file(first);
+  }
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(".png", made_up(colour), bytes);
+  return {bytes.begin(), bytes.end()};
+}
+
+int flags_of(bool colour) {
+  return colour ? cv::IMREAD_COLOR : cv::IMREAD_UNCHANGED;
+}
+cv::Mat by_opencv(const std::string& bytes, bool colour) {
+  const cv::Mat data(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
+  return cv::imdecode(data, flags_of(colour));
+}
+
+template <class Decode>
+void time_decoder(benchmark::State& state, bool colour, const Decode& decode) {
+  cv::setNumThreads(1);
+  const std::string bytes = encoded(colour);
+  const cv::Mat expected = by_opencv(bytes, colour), found = decode(bytes);
+  if (expected.empty() || found.size() != expected.size() || found.type() != expected.type() ||
+      cv::norm(found, expected, cv::NORM_INF) != 0) {
+    state.SkipWithError("other pixels");
+    return;
+  }
+  for (auto _ : state) {
+    const cv::Mat image = decode(bytes);
+    benchmark::DoNotOptimize(image.data);
+  }
+  state.SetBytesProcessed(state.iterations() *
+                          static_cast<std::int64_t>(expected.total() * expected.elemSize()));
+  state.counters["file_bytes"] = static_cast<double>(bytes.size());
+}
+
+const bool registered = [] {
+  for (const bool colour : {true, false}) {
+    const std::string what = colour ? "decode/png_colour_640x480" : "decode/png_depth_640x480";
+    const char* type = colour ? "uint8" : "uint16";
+    bench::add(what, type, "dynslam", [=](benchmark::State& s) {
+      time_decoder(s, colour, [=](const std::string& bytes) {
+        return runtime::EncodedImage("image.png", bytes).decode(flags_of(colour));
+      });
+    });
+    bench::add(what, type, "opencv", [=](benchmark::State& s) {
+      time_decoder(s, colour, [=](const std::string& bytes) { return by_opencv(bytes, colour); });
+    });
+  }
+  return true;
+}();
+
+}  // namespace
+#endif
+
+BENCHMARK_MAIN();
