@@ -70,11 +70,12 @@ void set_and_align(benchmark::State& state) {
   }
   state.SetItemsProcessed(state.iterations() * kPoints);
 }
-BENCHMARK(set_and_align)->Unit(benchmark::kMicrosecond);
+BENCHMARK(set_and_align)->Name("patch_alignment/400_patches/float/dynslam")->Unit(benchmark::kMicrosecond);
 
 #ifdef DYNSLAM_BENCH_OPENCV
 // Rival: one level of OpenCV's Lucas-Kanade with the nearest window, and as many iterations.
 void opencv_lucas_kanade(benchmark::State& state) {
+  cv::setNumThreads(1);
   auto image = texture();
   const cv::Mat gray(kHeight, kWidth, CV_8UC1, image.data());
   std::vector<cv::Mat> pyramid;
@@ -95,7 +96,9 @@ void opencv_lucas_kanade(benchmark::State& state) {
   }
   state.SetItemsProcessed(state.iterations() * kPoints);
 }
-BENCHMARK(opencv_lucas_kanade)->Unit(benchmark::kMicrosecond);
+BENCHMARK(opencv_lucas_kanade)
+    ->Name("patch_alignment/400_patches/float/opencv")
+    ->Unit(benchmark::kMicrosecond);
 #endif
 
 }  // namespace

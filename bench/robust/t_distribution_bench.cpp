@@ -57,15 +57,69 @@ template <class S>
 void weight_t_distribution(benchmark::State& state) {
   weigh<dynslam::TDistribution<S>, S>(state, dynslam::TDistribution<S>());
 }
-BENCHMARK_TEMPLATE(weight_t_distribution, float);
-BENCHMARK_TEMPLATE(weight_t_distribution, double);
+BENCHMARK_TEMPLATE(weight_t_distribution, float)->Name("robust/t_distribution_4096/float/dynslam");
+BENCHMARK_TEMPLATE(weight_t_distribution, double)->Name("robust/t_distribution_4096/double/dynslam");
 
 template <class S>
 void weight_huber(benchmark::State& state) {
   weigh<dynslam::Huber<S>, S>(state, dynslam::Huber<S>());
 }
-BENCHMARK_TEMPLATE(weight_huber, float);
-BENCHMARK_TEMPLATE(weight_huber, double);
+BENCHMARK_TEMPLATE(weight_huber, float)->Name("robust/huber_4096/float/dynslam");
+BENCHMARK_TEMPLATE(weight_huber, double)->Name("robust/huber_4096/double/dynslam");
+
+/// Kerl's fixed point as one writes it, from the median absolute deviation on, gross residuals left out.
+double plain_scale(const std::vector<double>& r) {
+  std::vector<double> a;
+  for (const double x : r) a.push_back(std::abs(x));
+  std::vector<double> sorted = a;
+  std::sort(sorted.begin(), sorted.end());
+  double sigma = 1.4826 * sorted[sorted.size() / 2];
+  const double limit = 6 * sigma;
+  for (int i = 0; i < 50; ++i) {
+    double sum = 0;
+    int n = 0;
+    for (const double x : a) {
+      if (x > limit) continue;
+      sum += 6 / (5 + x * x / (sigma * sigma)) * x * x;
+      ++n;
+    }
+    const double next = std::sqrt(sum / n);
+    const bool done = std::abs(next - sigma) <= 1e-4 * sigma;
+    sigma = next;
+    if (done) break;
+  }
+  return sigma;
+}
+
+template <class S>
+void scale(benchmark::State& state) {
+  const std::vector<S> r = residuals<S>();
+  dynslam::ScaleWorkspace<S> workspace;
+  const dynslam::ScaleOptions<S> options;
+  const auto find = [&] { return dynslam::estimate_scale<S>(std::span<const S>(r), {}, options, workspace); };
+  const auto found = find();
+  if (!found || std::abs(static_cast<double>(*found) - plain_scale(residuals<double>())) > 1e-3) {
+    state.SkipWithError("the scale is wrong");
+    return;
+  }
+  for (auto _ : state) {
+    auto sigma = find();
+    benchmark::DoNotOptimize(sigma);
+  }
+  state.SetItemsProcessed(state.iterations() * kResiduals);
+}
+BENCHMARK_TEMPLATE(scale, float)->Name("robust/scale_4096/float/dynslam");
+BENCHMARK_TEMPLATE(scale, double)->Name("robust/scale_4096/double/dynslam");
+
+void scale_as_written(benchmark::State& state) {
+  const std::vector<double> r = residuals<double>();
+  for (auto _ : state) {
+    double sigma = plain_scale(r);
+    benchmark::DoNotOptimize(sigma);
+  }
+  state.SetItemsProcessed(state.iterations() * kResiduals);
+}
+BENCHMARK(scale_as_written)->Name("robust/scale_4096/double/scalar");
 
 }  // namespace
 

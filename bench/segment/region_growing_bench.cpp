@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Growing on a depth image of 640 x 480, beside a queue written for this one criterion and OpenCV's floodFill
-// with a fixed step (it knows no other): what the criterion as a parameter costs. Also the mask operations.
+// with a fixed step (it knows no other): what the criterion as a parameter costs.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/region_growing.hpp"
 
 #ifdef DYNSLAM_BENCH_OPENCV
@@ -67,9 +66,9 @@ void same_label(benchmark::State& state) {
   const Image<std::uint8_t> labels(kWidth, kHeight, 1);
   grow(state, SameLabelStep(labels, RelativeStep<float>{0.02F, 0.005F}));
 }
-BENCHMARK(relative_step)->Unit(benchmark::kMicrosecond);
-BENCHMARK(fixed_step)->Unit(benchmark::kMicrosecond);
-BENCHMARK(same_label)->Unit(benchmark::kMicrosecond);
+BENCHMARK(relative_step)->Name("region_growing/relative_step/float/dynslam")->Unit(benchmark::kMicrosecond);
+BENCHMARK(fixed_step)->Name("region_growing/fixed_step/float/dynslam")->Unit(benchmark::kMicrosecond);
+BENCHMARK(same_label)->Name("region_growing/same_label/float/dynslam")->Unit(benchmark::kMicrosecond);
 
 void plain_queue(benchmark::State& state) {
   std::vector<std::uint8_t> mask(kWidth * kHeight);
@@ -97,10 +96,11 @@ void plain_queue(benchmark::State& state) {
     benchmark::DoNotOptimize(mask.data());
   }
 }
-BENCHMARK(plain_queue)->Unit(benchmark::kMicrosecond);
+BENCHMARK(plain_queue)->Name("region_growing/relative_step/float/queue")->Unit(benchmark::kMicrosecond);
 
 #ifdef DYNSLAM_BENCH_OPENCV
 void opencv_flood_fill(benchmark::State& state) {
+  cv::setNumThreads(1);
   const cv::Mat image(kHeight, kWidth, CV_32FC1, const_cast<float*>(depth().data()));
   cv::Mat mask;
   for (auto _ : state) {
@@ -112,40 +112,8 @@ void opencv_flood_fill(benchmark::State& state) {
     benchmark::DoNotOptimize(mask.data);
   }
 }
-BENCHMARK(opencv_flood_fill)->Unit(benchmark::kMicrosecond);
+BENCHMARK(opencv_flood_fill)->Name("region_growing/fixed_step/float/opencv")->Unit(benchmark::kMicrosecond);
 #endif
-
-Image<std::uint8_t> speckled() {
-  Image<std::uint8_t> mask(kWidth, kHeight);
-  std::uint32_t state = 1;
-  for (int v = 0; v < kHeight; ++v) {
-    for (int u = 0; u < kWidth; ++u) {
-      state = state * 1664525U + 1013904223U;
-      mask(u, v) = state >> 24 < 140 ? 255 : 0;
-    }
-  }
-  return mask;
-}
-void dilation(benchmark::State& state) {
-  const auto in = speckled();
-  Image<std::uint8_t> out(kWidth, kHeight);
-  MaskWorkspace workspace;
-  for (auto _ : state) {
-    dilate(in.view(), out.view(), 5, workspace);
-    benchmark::DoNotOptimize(out.data());
-  }
-}
-BENCHMARK(dilation)->Unit(benchmark::kMicrosecond);
-void holes(benchmark::State& state) {
-  const auto in = speckled();
-  MaskWorkspace workspace;
-  for (auto _ : state) {
-    auto mask = in;
-    fill_holes(mask.view(), 20, workspace);
-    benchmark::DoNotOptimize(mask.data());
-  }
-}
-BENCHMARK(holes)->Unit(benchmark::kMicrosecond);
 
 }  // namespace
 

@@ -7,9 +7,13 @@
 #include <span>
 #include <vector>
 
+#include "dynslam/dynamics/residual_batch.hpp"
 #include "dynslam/geometry/epipolar.hpp"
+#include "dynslam/geometry/epipolar_rows.hpp"
 #include "dynslam/geometry/hartley.hpp"
 #include "dynslam/geometry/homography.hpp"
+#include "dynslam/geometry/minimal_models.hpp"
+#include "dynslam/geometry/normalised_matches.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/geometry/two_view.hpp"
 #include "dynslam/optim/bundle_adjustment.hpp"

@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -16,6 +17,9 @@
 #include <vector>
 
 #include "dynslam/geometry/hartley.hpp"
+#include "dynslam/geometry/homography.hpp"
+#include "dynslam/geometry/minimal_models.hpp"
+#include "dynslam/geometry/normalised_matches.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/robust/consensus.hpp"
@@ -146,28 +150,182 @@ struct FundamentalResult {
   FundamentalStatus status = FundamentalStatus::too_few_points;
 };
 
-/// F by RANSAC over eight-point samples with an adaptive number of iterations, refined on its inliers.
+namespace detail {
+/// Sampson's distance in matches' normalised coordinates as F changes, for fundamental_ransac.
+class FundamentalSearch {
+  struct Parts {
+    float e2, g;
+  };
+  [[nodiscard]] static auto sampson(const Eigen::Matrix3d& F) {
+    const Eigen::Matrix3f f = F.cast<float>();
+    const float f00 = f(0, 0), f01 = f(0, 1), f02 = f(0, 2), f10 = f(1, 0), f11 = f(1, 1), f12 = f(1, 2),
+                f20 = f(2, 0), f21 = f(2, 1), f22 = f(2, 2);
+    return [=](float x, float y, float x_m, float y_m) {
+      const float a = f00 * x + f01 * y + f02, b = f10 * x + f11 * y + f12, c = f20 * x + f21 * y + f22;
+      const float d = f00 * x_m + f10 * y_m + f20, g = f01 * x_m + f11 * y_m + f21;
+      const float e = a * x_m + b * y_m + c;
+      return Parts{e * e, a * a + b * b + d * d + g * g};
+    };
+  }
+
+ public:
+  FundamentalSearch(const NormalisedMatches& matches, double limit) : matches_(matches), limit_(limit) {}
+
+  /// Sum of inlier_worth, d^2 being e^2 / |gradient|^2.
+  [[nodiscard]] float score(const Eigen::Matrix3d& F, float beaten) const {
+    const auto distance = sampson(F);
+    const float inverse = static_cast<float>(1 / limit_);
+    return matches_.sum(beaten, [=](float x, float y, float x_m, float y_m) {
+      const auto [e2, g] = distance(x, y, x_m, y_m);
+      return inlier_worth(e2 * inverse / (g + 1e-30F));
+    });
+  }
+  /// Matches within the limit.
+  [[nodiscard]] int inliers(const Eigen::Matrix3d& F) const {
+    const auto distance = sampson(F);
+    const float limit = static_cast<float>(limit_);
+    return static_cast<int>(matches_.sum(-1.0F, [=](float x, float y, float x_m, float y_m) {
+      const auto [e2, g] = distance(x, y, x_m, y_m);
+      return e2 <= limit * g ? 1.0F : 0.0F;
+    }));
+  }
+
+  [[nodiscard]] bool near(const Eigen::Matrix3d& F, std::size_t i) const {
+    return sampson_distance_squared<double>(F, matches_.first(i).head<2>(), matches_.second(i).head<2>()) <=
+           limit_;
+  }
+
+  /// Least squares of Sampson's distances of the inliers of F: the eight-point equations, each weighed by its
+  /// gradient at F, then the nearest matrix of rank 2.
+  [[nodiscard]] std::optional<Eigen::Matrix3d> refit(const Eigen::Matrix3d& F, double wide) {
+    const auto x = matches_.fine(0), y = matches_.fine(1), x_m = matches_.fine(2), y_m = matches_.fine(3);
+    a_ = F(0, 0) * x + F(0, 1) * y + F(0, 2);
+    b_ = F(1, 0) * x + F(1, 1) * y + F(1, 2);
+    e_ = a_ * x_m + b_ * y_m + (F(2, 0) * x + F(2, 1) * y + F(2, 2));
+    weight_ = a_.square() + b_.square() + (F(0, 0) * x_m + F(1, 0) * y_m + F(2, 0)).square() +
+              (F(0, 1) * x_m + F(1, 1) * y_m + F(2, 1)).square();
+    for (Eigen::Index i = 0; i < weight_.size(); ++i)
+      weight_(i) = e_(i) * e_(i) <= wide * limit_ * weight_(i) && weight_(i) > 0 ? 1 / weight_(i) : 0.0;
+    Eigen::Matrix<double, 9, 9> A;
+    const auto fill = [&](Eigen::Index i, Eigen::Index j, const Eigen::ArrayXd& w) {
+      A.block<3, 3>(3 * i, 3 * j) = A.block<3, 3>(3 * j, 3 * i) = matches_.moments(w);
+    };
+    fill(2, 2, weight_);
+    fill(0, 2, a_ = weight_ * x_m);
+    fill(1, 2, b_ = weight_ * y_m);
+    fill(0, 1, e_ = a_ * y_m);
+    fill(0, 0, a_ = a_ * x_m);
+    fill(1, 1, b_ = b_ * y_m);
+    const auto f = smallest_eigenvector(A, as_vector(F));
+    if (!f) return std::nullopt;
+    // Without the direction that it maps to the least: the eigenvector of F^T F with the smallest eigenvalue.
+    const Eigen::Matrix3d m = as_matrix(*f);
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
+    eigen.computeDirect(m.transpose() * m);
+    const Eigen::Vector3d null = eigen.eigenvectors().col(0);
+    Eigen::Matrix3d rank2 = m - m * null * null.transpose();
+    rank2 /= rank2.norm();
+    return rank2.allFinite() ? std::optional<Eigen::Matrix3d>(rank2) : std::nullopt;
+  }
+
+ private:
+  const NormalisedMatches& matches_;
+  double limit_;
+  Eigen::ArrayXd a_, b_, e_, weight_;
+};
+}  // namespace detail
+
+namespace detail {
+/// Where most inliers of F are on a plane its sample mostly was, too, and any F of that plane's pencil was
+/// taken. The one of the scene is H and two matches off the plane: [e]x H, e being where their lines cross
+/// (DEGENSAC, Chum et al. 2005).
+/// @param index  scratch
+inline void leave_plane(const NormalisedMatches& matches, double limit, std::uint64_t seed,
+                        FundamentalSearch& fundamental, BestModel<FundamentalSearch>& best,
+                        std::vector<int>& index) {
+  constexpr int kPlanes = 20, kPairs = 50;
+  const auto list = [&](const auto& belongs) {
+    index.clear();
+    for (std::size_t i = 0; i < matches.size(); ++i) {
+      if (belongs(i)) index.push_back(static_cast<int>(i));
+    }
+  };
+  SplitMix64 random(seed);
+  const auto draw = [&](auto& sample) {
+    draw_distinct(random, index.size(), sample);
+    for (std::size_t& k : sample) k = static_cast<std::size_t>(index[k]);
+  };
+  HomographySearch planes(matches, limit);
+  BestModel plane(planes, 3);
+  list([&](std::size_t i) { return fundamental.near(best.model(), i); });
+  if (index.size() < 8) return;
+  for (int k = 0; k < kPlanes && 10 * plane.inliers() < 9 * best.inliers(); ++k) {
+    std::array<std::size_t, 4> sample{};
+    draw(sample);
+    Eigen::Matrix<double, 3, 4> p, q;
+    for (std::size_t j = 0; j < 4; ++j) {
+      p.col(static_cast<Eigen::Index>(j)) = matches.first(sample[j]);
+      q.col(static_cast<Eigen::Index>(j)) = matches.second(sample[j]);
+    }
+    if (const auto H = homography_four_point(p, q)) plane.consider(*H, 4);
+  }
+  if (2 * plane.inliers() < best.inliers()) return;
+  const Eigen::Matrix3d H = plane.model();
+  list([&](std::size_t i) { return !planes.near(H, i); });
+  if (index.size() < 2) return;
+  for (int k = 0; k < kPairs; ++k) {
+    std::array<std::size_t, 2> pair{};
+    draw(pair);
+    const auto line = [&](std::size_t i) {
+      return Eigen::Vector3d((H * matches.first(i)).cross(matches.second(i)));
+    };
+    const Eigen::Vector3d e = line(pair[0]).cross(line(pair[1]));
+    const Eigen::Matrix3d F = SO3<double>::hat(e) * H;
+    const double norm = F.norm();
+    if (norm > 0 && std::isfinite(norm)) best.consider(F / norm, 7);
+  }
+}
+}  // namespace detail
+
+/// F by RANSAC over seven-point samples with an adaptive number of iterations, refined on its inliers by
+/// Sampson's distance. Solved in double and compared in float for any scalar; the flags are of scalar S.
 template <std::floating_point S>
 [[nodiscard]] FundamentalResult<S> fundamental_ransac(std::span<const Eigen::Matrix<S, 2, 1>> x,
                                                       std::span<const Eigen::Matrix<S, 2, 1>> x_m,
                                                       const RansacOptions<S>& options,
                                                       RansacWorkspace& workspace) {
-  using Matrix3 = Eigen::Matrix<S, 3, 3>;
   const std::size_t n = std::min(x.size(), x_m.size());
-  auto found = inlier_consensus<8, Matrix3>(
-      n, options, [&](std::span<const int> index) { return fundamental_eight_point<S>(x, x_m, index); },
-      [&](const Matrix3& F, std::size_t i) { return sampson_distance_squared<S>(F, x[i], x_m[i]); },
-      workspace);
   FundamentalResult<S> result;
-  result.inlier = std::move(found.inlier);
-  result.inliers = found.inliers;
-  result.iterations = found.iterations;
-  if (found.model) {
-    result.F = *found.model;
-    result.status = FundamentalStatus::ok;
-  } else if (n >= 8 && static_cast<int>(n) >= options.min_inliers) {
-    result.status = FundamentalStatus::no_consensus;
+  result.inlier.assign(n, 0);
+  if (n < std::max(std::size_t{8}, static_cast<std::size_t>(std::max(0, options.min_inliers)))) return result;
+  result.status = FundamentalStatus::no_consensus;
+  detail::NormalisedMatches matches;
+  if (!matches.set<S>(x, x_m, n, workspace)) return result;
+  const double threshold = matches.scale() * static_cast<double>(options.threshold_px);
+  detail::FundamentalSearch search(matches, threshold * threshold);
+  detail::BestModel best(search, options.refinements);
+  result.iterations = detail::search_models<7, S>(
+      n, options, best, [&](const std::array<std::size_t, 7>& sample, const auto& consider) {
+        Eigen::Matrix<double, 3, 7> p, q;
+        for (std::size_t k = 0; k < 7; ++k) {
+          p.col(static_cast<Eigen::Index>(k)) = matches.first(sample[k]);
+          q.col(static_cast<Eigen::Index>(k)) = matches.second(sample[k]);
+        }
+        std::array<Eigen::Matrix3d, 3> F;
+        const int hypotheses = fundamental_seven_point(p, q, F);
+        for (int k = 0; k < hypotheses; ++k) consider(F[static_cast<std::size_t>(k)]);
+      });
+  detail::leave_plane(matches, threshold * threshold, options.seed, search, best, workspace.index);
+  if (best.inliers() == 0) return result;
+  Eigen::Matrix3d F = matches.T_m().transpose() * best.model() * matches.T();
+  F /= F.norm();
+  result.F = F.cast<S>();
+  const S limit = options.threshold_px * options.threshold_px;
+  for (std::size_t i = 0; i < n; ++i) {
+    result.inlier[i] = sampson_distance_squared<S>(result.F, x[i], x_m[i]) <= limit ? 1 : 0;
+    result.inliers += result.inlier[i];
   }
+  if (result.inliers >= options.min_inliers) result.status = FundamentalStatus::ok;
   return result;
 }
 

@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -13,6 +14,8 @@
 
 #include "dynslam/concepts/scalar.hpp"
 #include "dynslam/geometry/hartley.hpp"
+#include "dynslam/geometry/minimal_models.hpp"
+#include "dynslam/geometry/normalised_matches.hpp"
 #include "dynslam/robust/consensus.hpp"
 
 namespace dynslam {
@@ -91,17 +94,114 @@ template <std::floating_point S>
   return (sign / norm * H).template cast<S>();
 }
 
-/// H by RANSAC over samples of four, refined on its inliers, judged by the transfer error.
+namespace detail {
+/// Transfer errors in matches' normalised coordinates as H changes, for homography_ransac.
+class HomographySearch {
+  struct Parts {
+    float d2, z;  // of the numerators
+  };
+  [[nodiscard]] static auto transfer_error(const Eigen::Matrix3d& H) {
+    const Eigen::Matrix3f h = H.cast<float>();
+    const float h00 = h(0, 0), h01 = h(0, 1), h02 = h(0, 2), h10 = h(1, 0), h11 = h(1, 1), h12 = h(1, 2),
+                h20 = h(2, 0), h21 = h(2, 1), h22 = h(2, 2);
+    return [=](float x, float y, float x_m, float y_m) {
+      const float z = h20 * x + h21 * y + h22;
+      const float du = h00 * x + h01 * y + h02 - z * x_m, dv = h10 * x + h11 * y + h12 - z * y_m;
+      return Parts{du * du + dv * dv, z};
+    };
+  }
+
+ public:
+  HomographySearch(const NormalisedMatches& matches, double limit) : matches_(matches), limit_(limit) {}
+
+  /// Sum of inlier_worth, d^2 being |H x - x_m|^2, over the matches with H x in front.
+  [[nodiscard]] float score(const Eigen::Matrix3d& H, float beaten) const {
+    const auto distance = transfer_error(H);
+    const float inverse = static_cast<float>(1 / limit_);
+    return matches_.sum(beaten, [=](float x, float y, float x_m, float y_m) {
+      const auto [d2, z] = distance(x, y, x_m, y_m);
+      const float in_front = z > 0.0F ? z : 0.0F;
+      return inlier_worth(d2 * inverse / (in_front * in_front + 1e-30F));
+    });
+  }
+  /// Matches within the limit.
+  [[nodiscard]] int inliers(const Eigen::Matrix3d& H) const {
+    const auto distance = transfer_error(H);
+    const float limit = static_cast<float>(limit_);
+    return static_cast<int>(matches_.sum(-1.0F, [=](float x, float y, float x_m, float y_m) {
+      const auto [d2, z] = distance(x, y, x_m, y_m);
+      return d2 <= limit * z * z && z > 0.0F ? 1.0F : 0.0F;
+    }));
+  }
+
+  [[nodiscard]] bool near(const Eigen::Matrix3d& H, std::size_t i) const {
+    return transfer_distance_squared<double>(H, matches_.first(i).head<2>(), matches_.second(i).head<2>()) <=
+           limit_;
+  }
+
+  /// Least squares of the inliers' transfer errors: the equations of the direct linear transform, each pair
+  /// divided by the depth H x has.
+  [[nodiscard]] std::optional<Eigen::Matrix3d> refit(const Eigen::Matrix3d& H, double wide) {
+    const auto x = matches_.fine(0), y = matches_.fine(1), x_m = matches_.fine(2), y_m = matches_.fine(3);
+    z_ = H(2, 0) * x + H(2, 1) * y + H(2, 2);
+    weight_ = (H(0, 0) * x + H(0, 1) * y + H(0, 2) - z_ * x_m).square() +
+              (H(1, 0) * x + H(1, 1) * y + H(1, 2) - z_ * y_m).square();
+    for (Eigen::Index i = 0; i < weight_.size(); ++i) {
+      const double z2 = z_(i) * z_(i);
+      weight_(i) = weight_(i) <= wide * limit_ * z2 && z_(i) > 0 ? 1 / z2 : 0.0;
+    }
+    Eigen::Matrix<double, 9, 9> A = Eigen::Matrix<double, 9, 9>::Zero();
+    A.block<3, 3>(0, 0) = A.block<3, 3>(3, 3) = matches_.moments(weight_);
+    A.block<3, 3>(0, 6) = A.block<3, 3>(6, 0) = -matches_.moments(z_ = weight_ * x_m);
+    A.block<3, 3>(3, 6) = A.block<3, 3>(6, 3) = -matches_.moments(z_ = weight_ * y_m);
+    A.block<3, 3>(6, 6) = matches_.moments(z_ = weight_ * (x_m.square() + y_m.square()));
+    const auto h = smallest_eigenvector(A, as_vector(H));
+    if (!h) return std::nullopt;
+    return as_matrix(*h);
+  }
+
+ private:
+  const NormalisedMatches& matches_;
+  double limit_;
+  Eigen::ArrayXd z_, weight_;
+};
+}  // namespace detail
+
+/// H by RANSAC over samples of four, refined on its inliers, judged by the transfer error. Solved in double
+/// and compared in float for any scalar; the flags are of scalar S.
 template <std::floating_point S>
 [[nodiscard]] RansacOutcome<Eigen::Matrix<S, 3, 3>> homography_ransac(
     std::span<const Eigen::Matrix<S, 2, 1>> x, std::span<const Eigen::Matrix<S, 2, 1>> x_m,
     const RansacOptions<S>& options, RansacWorkspace& workspace) {
-  using Matrix3 = Eigen::Matrix<S, 3, 3>;
-  return inlier_consensus<4, Matrix3>(
-      std::min(x.size(), x_m.size()), options,
-      [&](std::span<const int> index) { return homography_dlt<S>(x, x_m, index); },
-      [&](const Matrix3& H, std::size_t i) { return transfer_distance_squared<S>(H, x[i], x_m[i]); },
-      workspace);
+  const std::size_t n = std::min(x.size(), x_m.size());
+  RansacOutcome<Eigen::Matrix<S, 3, 3>> result;
+  result.inlier.assign(n, 0);
+  if (n < std::max(std::size_t{4}, static_cast<std::size_t>(std::max(0, options.min_inliers)))) return result;
+  detail::NormalisedMatches matches;
+  if (!matches.set<S>(x, x_m, n, workspace)) return result;
+  const double threshold = matches.scale() * static_cast<double>(options.threshold_px);
+  detail::HomographySearch search(matches, threshold * threshold);
+  detail::BestModel best(search, options.refinements);
+  result.iterations = detail::search_models<4, S>(
+      n, options, best, [&](const std::array<std::size_t, 4>& sample, const auto& consider) {
+        Eigen::Matrix<double, 3, 4> p, q;
+        for (std::size_t k = 0; k < 4; ++k) {
+          p.col(static_cast<Eigen::Index>(k)) = matches.first(sample[k]);
+          q.col(static_cast<Eigen::Index>(k)) = matches.second(sample[k]);
+        }
+        if (const auto H = homography_four_point(p, q)) consider(*H);
+      });
+  if (best.inliers() == 0) return result;
+  Eigen::Matrix3d H = matches.T_m_inverse() * best.model() * matches.T();
+  H /= H.norm();
+  result.model = H.cast<S>();
+  const S limit = options.threshold_px * options.threshold_px;
+  for (std::size_t i = 0; i < n; ++i) {
+    result.inlier[i] = transfer_distance_squared<S>(*result.model, x[i], x_m[i]) <= limit ? 1 : 0;
+    result.inliers += result.inlier[i];
+  }
+  if (result.inliers < options.min_inliers) result.model.reset();
+  return result;
 }
 
 }  // namespace dynslam

@@ -95,6 +95,8 @@ struct RansacOptions {
 struct RansacWorkspace {
   std::vector<std::uint8_t> flags;
   std::vector<int> index;
+  std::vector<float> coarse;  // of normalised matches
+  std::vector<double> fine;
 };
 
 /// What a RANSAC over matches found.

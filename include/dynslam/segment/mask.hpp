@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "dynslam/concepts/image.hpp"
@@ -21,7 +22,8 @@ namespace dynslam {
 
 /// Memory of the mask operations; keep it between calls to avoid allocation.
 struct MaskWorkspace {
-  Image<std::uint8_t> rows;
+  Image<std::uint8_t> rows, next_rows;
+  std::vector<std::uint8_t> line, next_line;
   ComponentsWorkspace components;
   Image<int> labels;
   std::vector<int> counts;
@@ -31,46 +33,69 @@ namespace detail {
 template <class I>
 inline constexpr auto kMaskSet = static_cast<typename std::remove_cvref_t<I>::Pixel>(255);
 
-/// One line of a morphological operation by running counts: constant work per pixel for any radius.
-/// `grow`: any pixel within the radius set; else: all of those inside the line set.
-template <class Get, class Set>
-void morphology_line(int n, int radius, bool grow, Get&& get, Set&& set) {
-  int count = 0, inside = 0;
-  for (int i = 0; i < std::min(radius, n); ++i) {
-    count += get(i);
-    ++inside;
-  }
-  for (int i = 0; i < n; ++i) {
-    if (i + radius < n) {
-      count += get(i + radius);
-      ++inside;
-    }
-    set(i, grow ? count > 0 : count == inside);
-    if (i - radius >= 0) {
-      count -= get(i - radius);
-      --inside;
-    }
+/// to[i] = from[i] | from[i + shift], n bytes; compilers make it one of vectors where the two are apart.
+inline void or_shifted(const std::uint8_t* from, std::size_t shift, std::uint8_t* to, std::size_t n) {
+  const std::uint8_t* other = from + shift;
+  for (std::size_t i = 0; i < n; ++i) to[i] = static_cast<std::uint8_t>(from[i] | other[i]);
+}
+
+/// Calls step(shift) such that, started with single elements and each time or-ed with those `shift` further
+/// on, an element holds the or of `window`.
+template <class Step>
+void widen_window(int window, Step&& step) {
+  for (int have = 1; have < window;) {
+    const int shift = std::min(have, window - have);
+    step(shift);
+    have += shift;
   }
 }
 
-/// Square structuring element, separated into rows and columns.
+/// Square structuring element, separated into rows and columns; windows grow by doubling, so the work is that
+/// of the logarithm of the radius. Erosion is the dilation of what is not set.
 template <class In, class Out>
 void morphology(const In& in, Out& out, int radius, bool grow, MaskWorkspace& workspace) {
   DYNSLAM_ASSERT(same_size(in, out) && radius >= 0, "equal sizes, radius >= 0");
   const int w = in.width(), h = in.height();
+  if (w == 0 || h == 0) return;
   radius = std::min(radius, std::max(w, h));  // no more is needed, and sums with it cannot overflow
-  workspace.rows.resize(w, h);
+  const auto width = static_cast<std::size_t>(w), rim = static_cast<std::size_t>(radius);
+  auto& line = workspace.line;
+  auto& next = workspace.next_line;
+  line.assign(width + 2 * rim, 0);
+  next.assign(width + 2 * rim, 0);
+  Image<std::uint8_t>* rows = &workspace.rows;
+  Image<std::uint8_t>* next_rows = &workspace.next_rows;
+  rows->resize(w, h + 2 * radius);
+  next_rows->resize(w, h + 2 * radius);
+  const std::uint8_t flip = grow ? 0 : 1;
   for (int v = 0; v < h; ++v) {
     const auto from = image_row(in, v);
-    std::uint8_t* to = workspace.rows.row(v);
-    morphology_line(
-        w, radius, grow, [&](int u) { return from[u] != 0 ? 1 : 0; },
-        [&](int u, bool value) { to[u] = value ? 1 : 0; });
+    std::fill_n(line.begin(), rim, std::uint8_t{0});
+    std::fill(line.end() - static_cast<std::ptrdiff_t>(rim), line.end(), std::uint8_t{0});
+    std::uint8_t* set = line.data() + rim;
+    for (int u = 0; u < w; ++u) set[u] = static_cast<std::uint8_t>((from[u] != 0 ? 1 : 0) ^ flip);
+    std::size_t n = line.size();
+    widen_window(2 * radius + 1, [&](int shift) {
+      n -= static_cast<std::size_t>(shift);
+      or_shifted(line.data(), static_cast<std::size_t>(shift), next.data(), n);
+      line.swap(next);
+    });
+    std::copy_n(line.begin(), w, rows->row(radius + v));
   }
-  for (int u = 0; u < w; ++u) {
-    morphology_line(
-        h, radius, grow, [&](int v) { return static_cast<int>(workspace.rows(u, v)); },
-        [&](int v, bool value) { out(u, v) = value ? kMaskSet<Out> : typename Out::Pixel(0); });
+  for (int v = 0; v < radius; ++v) {
+    std::fill_n(rows->row(v), w, std::uint8_t{0});
+    std::fill_n(rows->row(h + radius + v), w, std::uint8_t{0});
+  }
+  std::size_t n = static_cast<std::size_t>(h + 2 * radius) * width;
+  widen_window(2 * radius + 1, [&](int shift) {
+    n -= static_cast<std::size_t>(shift) * width;
+    or_shifted(rows->data(), static_cast<std::size_t>(shift) * width, next_rows->data(), n);
+    std::swap(rows, next_rows);
+  });
+  for (int v = 0; v < h; ++v) {
+    const std::uint8_t* from = rows->row(v);
+    auto to = image_row(out, v);
+    for (int u = 0; u < w; ++u) to[u] = from[u] != flip ? kMaskSet<Out> : typename Out::Pixel(0);
   }
 }
 }  // namespace detail

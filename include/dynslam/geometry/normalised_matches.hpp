@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "dynslam/robust/consensus.hpp"
+
+namespace dynslam::detail {
+
+/// Matches of two images as rows of numbers, each image's about its centroid and both by one scale, so that
+/// distances are those in pixels times `scale`. Models are searched in these coordinates: in float, where
+/// thousands of distances are compared with a threshold, and solved for in double.
+class NormalisedMatches {
+ public:
+  using Row = Eigen::Map<const Eigen::ArrayXd>;
+  static constexpr std::size_t kBlock = 64;  ///< rows of floats are filled up to whole blocks
+
+  /// Numbers are kept in `memory`. @return false where the points coincide or are not finite
+  template <std::floating_point S>
+  [[nodiscard]] bool set(std::span<const Eigen::Matrix<S, 2, 1>> x,
+                         std::span<const Eigen::Matrix<S, 2, 1>> x_m, std::size_t n,
+                         RansacWorkspace& memory) {
+    n_ = n;
+    padded_ = (n + kBlock - 1) / kBlock * kBlock;
+    mean_.setZero();
+    mean_m_.setZero();
+    for (std::size_t i = 0; i < n; ++i) {
+      mean_ += x[i].template cast<double>();
+      mean_m_ += x_m[i].template cast<double>();
+    }
+    mean_ /= static_cast<double>(n);
+    mean_m_ /= static_cast<double>(n);
+    double spread = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      spread += (x[i].template cast<double>() - mean_).squaredNorm() +
+                (x_m[i].template cast<double>() - mean_m_).squaredNorm();
+    }
+    spread = std::sqrt(spread / static_cast<double>(n));
+    if (!(spread > 0) || !std::isfinite(spread)) return false;
+    scale_ = 2 / spread;  // a mean square of 2 for each point, as Hartley's
+    memory.coarse.assign(4 * padded_, 0.0F);
+    memory.fine.resize(kRows * n);
+    coarse_ = memory.coarse.data();
+    fine_ = memory.fine.data();
+    for (std::size_t i = 0; i < n; ++i) {
+      const Eigen::Vector2d p = scale_ * (x[i].template cast<double>() - mean_);
+      const Eigen::Vector2d q = scale_ * (x_m[i].template cast<double>() - mean_m_);
+      const std::array<double, 4> values{p.x(), p.y(), q.x(), q.y()};
+      for (std::size_t r = 0; r < 4; ++r) {
+        memory.coarse[r * padded_ + i] = static_cast<float>(values[r]);
+        memory.fine[r * n + i] = values[r];
+      }
+      memory.fine[4 * n + i] = p.x() * p.x();
+      memory.fine[5 * n + i] = p.x() * p.y();
+      memory.fine[6 * n + i] = p.y() * p.y();
+      memory.fine[7 * n + i] = 1;
+    }
+    return true;
+  }
+
+  [[nodiscard]] std::size_t size() const { return n_; }
+  [[nodiscard]] double scale() const { return scale_; }
+  [[nodiscard]] Eigen::Vector3d first(std::size_t i) const { return {fine_[i], fine_[n_ + i], 1}; }
+  [[nodiscard]] Eigen::Vector3d second(std::size_t i) const {
+    return {fine_[2 * n_ + i], fine_[3 * n_ + i], 1};
+  }
+  /// Normalised from recorded pixels: of the first and of the second image.
+  [[nodiscard]] Eigen::Matrix3d T() const { return similarity(mean_); }
+  [[nodiscard]] Eigen::Matrix3d T_m() const { return similarity(mean_m_); }
+  [[nodiscard]] Eigen::Matrix3d T_m_inverse() const {
+    Eigen::Matrix3d T;
+    T << 1 / scale_, 0, mean_m_.x(), 0, 1 / scale_, mean_m_.y(), 0, 0, 1;
+    return T;
+  }
+
+  /// Row of x, y, x_m, y_m (0 to 3) in double or, filled up with zeros, in float.
+  [[nodiscard]] Row fine(std::size_t r) const { return Row(fine_ + r * n_, static_cast<Eigen::Index>(n_)); }
+  [[nodiscard]] const float* coarse(std::size_t r) const { return coarse_ + r * padded_; }
+
+  /// Sum of weight_i p_i p_i^T over the points of the first image, p being homogeneous.
+  template <class Weights>
+  [[nodiscard]] Eigen::Matrix3d moments(const Weights& weight) const {
+    const auto sum = [&](std::size_t r) { return (weight * fine(r)).sum(); };
+    const double xx = sum(4), xy = sum(5), yy = sum(6), x = sum(0), y = sum(1), one = weight.sum();
+    Eigen::Matrix3d M;
+    M << xx, xy, x, xy, yy, y, x, y, one;
+    return M;
+  }
+
+  /// Sum of value(x, y, x_m, y_m) over the matches, each at most 1; in float, block by block.
+  /// @return less than 0 as soon as more than `beaten` cannot be reached
+  template <class Value>
+  [[nodiscard]] float sum(float beaten, const Value& value) const {
+    float total = 0;
+    for (std::size_t begin = 0; begin < n_; begin += kBlock) {
+      const float *x = coarse(0) + begin, *y = coarse(1) + begin, *x_m = coarse(2) + begin,
+                  *y_m = coarse(3) + begin;
+      std::array<float, kBlock> values;
+      for (std::size_t i = 0; i < kBlock; ++i) values[i] = value(x[i], y[i], x_m[i], y_m[i]);
+      const std::size_t size = std::min(kBlock, n_ - begin);
+      for (std::size_t i = size; i < kBlock; ++i) values[i] = 0;
+      std::array<float, 8> lanes{};  // the same sum whatever a vector holds
+      for (std::size_t i = 0; i < kBlock; i += 8) {
+        for (std::size_t k = 0; k < 8; ++k) lanes[k] += values[i + k];
+      }
+      total +=
+          ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
+      if (total + static_cast<float>(n_ - begin - size) <= beaten) return -1.0F;
+    }
+    return total;
+  }
+
+ private:
+  static constexpr std::size_t kRows = 8;
+  [[nodiscard]] Eigen::Matrix3d similarity(const Eigen::Vector2d& mean) const {
+    Eigen::Matrix3d T;
+    T << scale_, 0, -scale_ * mean.x(), 0, scale_, -scale_ * mean.y(), 0, 0, 1;
+    return T;
+  }
+
+  std::size_t n_ = 0, padded_ = 0;
+  Eigen::Vector2d mean_ = Eigen::Vector2d::Zero(), mean_m_ = Eigen::Vector2d::Zero();
+  double scale_ = 1;
+  const float* coarse_ = nullptr;
+  const double* fine_ = nullptr;
+};
+
+/// Row by row in a vector, and back.
+[[nodiscard]] inline Eigen::Matrix<double, 9, 1> as_vector(const Eigen::Matrix3d& m) {
+  Eigen::Matrix<double, 9, 1> v;
+  v << m.row(0).transpose(), m.row(1).transpose(), m.row(2).transpose();
+  return v;
+}
+[[nodiscard]] inline Eigen::Matrix3d as_matrix(const Eigen::Matrix<double, 9, 1>& v) {
+  Eigen::Matrix3d m;
+  m << v(0), v(1), v(2), v(3), v(4), v(5), v(6), v(7), v(8);
+  return m;
+}
+
+/// Eigenvector of the smallest eigenvalue by inverse iteration from a vector that is near it; nullopt where
+/// the matrix is not positive (semi)definite.
+[[nodiscard]] inline std::optional<Eigen::Matrix<double, 9, 1>> smallest_eigenvector(
+    Eigen::Matrix<double, 9, 9> A, const Eigen::Matrix<double, 9, 1>& near) {
+  A.diagonal().array() += 1e-14 * A.trace();
+  const Eigen::LLT<Eigen::Matrix<double, 9, 9>> factors(A);
+  if (factors.info() != Eigen::Success) return std::nullopt;
+  Eigen::Matrix<double, 9, 1> v = near;
+  for (int i = 0; i < 6; ++i) {
+    Eigen::Matrix<double, 9, 1> next = factors.solve(v);
+    next.normalize();
+    if (next.dot(v) < 0) next = -next;
+    const bool done = (next - v).squaredNorm() < 1e-12;
+    v = next;
+    if (done) break;
+  }
+  if (!v.allFinite()) return std::nullopt;
+  return v;
+}
+
+/// The best model of matches so far, and least squares on its inliers while that gains some (LO-RANSAC, Chum
+/// et al. 2003).
+/// @tparam Search  score(model, beaten): what the inliers are worth, any number below `beaten` where it is
+/// not more
+///                 than that; inliers(model); refit(model, wide) -> std::optional<Matrix3d>: least squares on
+///                 what lies within the threshold of a model, its square being `wide` times as large
+template <class Search>
+class BestModel {
+ public:
+  BestModel(Search& search, int refinements) : search_(search), refinements_(refinements) {}
+
+  /// Takes a model that is better than the best, and refines it. @return whether it is
+  bool consider(const Eigen::Matrix3d& model, int sample) {
+    if (!keep(model)) return false;
+    inliers_ = search_.inliers(model_);
+    if (inliers_ <= sample) return true;
+    // From what lies within twice the threshold first: the noise of a minimal sample hides inliers there.
+    Eigen::Matrix3d current = model_;
+    for (int round = 0; round < refinements_; ++round) {
+      const double wide = std::max(1.0, 2.0 - 0.5 * round);
+      const std::optional<Eigen::Matrix3d> next = search_.refit(current, wide * wide);
+      if (!next) break;
+      current = *next;
+      if (!keep(current) && round >= 2) break;
+    }
+    inliers_ = search_.inliers(model_);
+    return true;
+  }
+  [[nodiscard]] const Eigen::Matrix3d& model() const { return model_; }
+  [[nodiscard]] int inliers() const { return inliers_; }  ///< 0: none yet
+
+ private:
+  bool keep(const Eigen::Matrix3d& model) {
+    const float reached = search_.score(model, score_);
+    if (!(reached > score_)) return false;
+    score_ = reached;
+    model_ = model;
+    return true;
+  }
+  Search& search_;
+  int refinements_, inliers_ = 0;
+  float score_ = 0;
+  Eigen::Matrix3d model_ = Eigen::Matrix3d::Zero();
+};
+
+/// Models of matches by the sampling loop. @param minimal  minimal(sample, consider): calls
+/// consider(Matrix3d) once per hypothesis. @return iterations
+template <std::size_t K, std::floating_point S, class Search, class Minimal>
+int search_models(std::size_t n, const RansacOptions<S>& options, BestModel<Search>& best,
+                  const Minimal& minimal) {
+  const SamplingOptions<S> sampling{options.max_iterations, options.confidence, options.seed};
+  return sample_consensus<K, S>(
+      sampling,
+      [n](SplitMix64& random, std::array<std::size_t, K>& sample) {
+        draw_distinct(random, n, sample);
+        return true;
+      },
+      minimal,
+      [&](const Eigen::Matrix3d& model) -> std::optional<S> {
+        if (!best.consider(model, static_cast<int>(K))) return std::nullopt;
+        return static_cast<S>(best.inliers()) / static_cast<S>(n);
+      });
+}
+
+/// What a match at the share `part` of the squared threshold counts: nearly 1 for an inlier, as in RANSAC;
+/// the nearer of equally many decide. In a form that compilers make one of vectors.
+[[nodiscard]] inline float inlier_worth(float part) {
+  const float square = part * part, fourth = square * square, worth = 1.0F - fourth * fourth;
+  return worth > 0.0F ? worth : 0.0F;
+}
+
+}  // namespace dynslam::detail

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/dynamics/residual_batch.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "dynslam/dynamics/residuals.hpp"
+#include "dynslam/image/image.hpp"
+#include "random.hpp"
+
+using namespace dynslam;
+
+TEST_CASE_TEMPLATE("errors and weights of many matches are those of each one, outside and behind, too", S,
+                   float, double) {
+  test::Rng rng("residual batch");
+  const Pinhole<S> camera(S(60), S(62), S(40), S(30));
+  Image<std::uint8_t> before(80, 60), now(80, 60);
+  Image<float> depth(80, 60);
+  for (int i = 0; i < 80 * 60; ++i) {
+    before.data()[i] = static_cast<std::uint8_t>(rng.integer(0, 255));
+    now.data()[i] = static_cast<std::uint8_t>(rng.integer(0, 255));
+    depth.data()[i] = rng.chance(0.2) ? std::numeric_limits<float>::quiet_NaN() : float(rng.uniform(0.5, 4));
+  }
+  Eigen::Matrix<S, 6, 1> xi;
+  xi << S(0.05), S(-0.02), S(0.03), S(0.02), S(0.04), S(-0.03);
+  const SE3<S> T = SE3<S>::exp(xi);
+  MatchRows<S> rows;
+  for (int k = 0; k < 150; ++k)
+    rows.push_back({S(rng.uniform(-5, 85)), S(rng.uniform(-5, 65))},
+                   {S(rng.uniform(-2, 2)), S(rng.uniform(-2, 2)), S(k % 10 == 0 ? -1 : rng.uniform(1, 4))},
+                   {S(rng.uniform(-5, 85)), S(rng.uniform(-5, 65))});
+  const StaticWeightScales<S> scales{S(8), S(1), S(2)};
+  const DepthNoise<S> noise;
+  ResidualRows<S> out;
+  residual_batch<S>(camera, rows, before, now, depth, T, scales, noise, S(5), out);
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    const Eigen::Matrix<S, 3, 1> p = T * Eigen::Matrix<S, 3, 1>(rows.p_x[k], rows.p_y[k], rows.p_z[k]);
+    const Eigen::Matrix<S, 2, 1> x(rows.x[k], rows.y[k]), x_m(rows.x_m[k], rows.y_m[k]);
+    const auto there = camera.project(p);
+    if (!there) {
+      CHECK(std::isinf(out.reprojection[k]));
+      CHECK(out.weight[k] == S(0));
+      continue;
+    }
+    KeypointResiduals<S> r;
+    r.reprojection = reprojection_residual(*there, x_m);
+    const auto e_i = photometric_residual(before, x, now, *there);
+    const auto e_d = depth_residual(p, depth, x_m);
+    r.has_photometric = e_i.has_value();
+    r.has_depth = e_d.has_value();
+    r.photometric = e_i.value_or(S(0));
+    r.depth = e_d.value_or(S(0));
+    const StaticWeightScales<S> here{scales.photometric, scales.reprojection,
+                                     scales.depth * noise.sigma(p.z())};
+    CHECK(out.dimension[k] == S(r.dimension()));
+    CHECK(std::abs(out.photometric[k] - r.photometric) < S(0.05));
+    CHECK(std::abs(out.depth[k] - r.depth) < S(1e-4));
+    CHECK(out.weight[k] == doctest::Approx(static_weight<S>(r, here, S(5))).epsilon(2e-3));
+  }
+}
