@@ -41,7 +41,7 @@ SE3<double> camera_at(double t) {
 /// Depth as the sensor measures it [m].
 cv::Mat noisy_depth(const synth::Rendering& exact, std::uint64_t seed) {
   synth::Random random(seed);
-  cv::Mat raw = synth::sense_depth(exact, test::kFreiburg3.fx(), random), depth;
+  cv::Mat raw = synth::sense_depth(exact, test::kFreiburg3.fx(), 1, random), depth;
   raw.convertTo(depth, CV_32FC1, 1.0 / 5000);
   depth.setTo(std::numeric_limits<double>::quiet_NaN(), raw == 0);
   return depth;
