@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# cpack runs this when everything is staged: what Debian's policy asks of a package, and an installation from source need
-# not have. Copyright and changelog of each package, and compressed manual pages.
+# cpack runs this when everything is staged: what Debian's policy asks of a package, and an installation from source
+# need not have. Copyright and changelog of each package, and compressed manual pages.
 cmake_minimum_required(VERSION 3.24)
 
 function(compress file)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# Installs the core of BUILD into a prefix below WORK, moves the prefix, and compiles and runs a program with nothing but
-# the flags that pkg-config tells: those of Eigen among them.
+# Installs the core of BUILD into a prefix below WORK, moves the prefix, and compiles and runs a program with nothing
+# but the flags that pkg-config tells: those of Eigen among them.
 cmake_minimum_required(VERSION 3.24)
 
 function(check out)

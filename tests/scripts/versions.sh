@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# The version of the CMake project is the one that CITATION.cff and the headers have, and CHANGELOG.md tells what is in it.
+# The version of the CMake project is the one that CITATION.cff and the headers have, and CHANGELOG.md tells what is in
+# it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 version=$(sed -nE 's/^  VERSION ([0-9]+\.[0-9]+\.[0-9]+)$/\1/p' CMakeLists.txt)
