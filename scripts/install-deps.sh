@@ -11,7 +11,8 @@ set -euo pipefail
 app=(build-essential cmake ninja-build ccache curl ca-certificates
   libeigen3-dev libopencv-dev liboctomap-dev libcli11-dev nlohmann-json3-dev libfmt-dev libjpeg-dev
   libbz2-dev liblz4-dev)
-development=(git clang doctest-dev libbenchmark-dev libceres-dev libopencv-contrib-dev)
+development=(git clang doctest-dev libbenchmark-dev libceres-dev libopencv-contrib-dev
+  pkg-config python3 unzip)
 # With 60 packages of ROS and Boost, for one test alone, and not in every release: taken where apt has them.
 optional=(librosbag-storage-dev)
 

@@ -113,3 +113,4 @@
 #include "dynslam/semantic/voxel.hpp"
 #include "dynslam/semantic/voxel_block_map.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
+#include "dynslam/version.hpp"
