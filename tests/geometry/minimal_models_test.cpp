@@ -16,18 +16,18 @@ using namespace dynslam;
 namespace {
 
 /// A camera's step, and points that both views see: on a plane, or anywhere.
-struct Views {
+struct StepViews {
   Eigen::Matrix<double, 3, 20> p, q;
   Eigen::Matrix3d E, H;  // of the step and the plane
 };
 
-Views views_of(test::Rng& rng, bool plane) {
+StepViews step_views(test::Rng& rng, bool plane) {
   Eigen::Matrix<double, 6, 1> twist;
   for (int i = 0; i < 6; ++i) twist[i] = rng.uniform(-0.3, 0.3);
   const SE3d T = SE3d::exp(twist);
   const Eigen::Vector3d normal = Eigen::Vector3d(0.2, -0.1, 1).normalized(), t = T.translation();
   const Eigen::Matrix3d R = T.matrix().topLeftCorner<3, 3>();
-  Views views;
+  StepViews views;
   for (int i = 0; i < 20; ++i) {
     const Eigen::Vector3d ray(rng.uniform(-0.5, 0.5), rng.uniform(-0.4, 0.4), 1);
     const Eigen::Vector3d P = ray * (plane ? 2 / normal.dot(ray) : rng.uniform(1, 5));
@@ -42,7 +42,7 @@ Views views_of(test::Rng& rng, bool plane) {
 }
 
 /// Largest error of |q^T F p| over the matches; F has norm 1.
-double worst(const Eigen::Matrix3d& F, const Views& views) {
+double worst_of(const Eigen::Matrix3d& F, const StepViews& views) {
   double result = 0;
   for (int i = 0; i < 20; ++i) result = std::max(result, std::abs(views.q.col(i).dot(F * views.p.col(i))));
   return result;
@@ -54,7 +54,7 @@ TEST_CASE("one of the F of seven matches is the step's, and each has rank 2 and 
   test::Rng rng("seven matches");
   int found = 0, several = 0;
   for (int scene = 0; scene < 200; ++scene) {
-    const Views views = views_of(rng, false);
+    const StepViews views = step_views(rng, false);
     std::array<Eigen::Matrix3d, 3> F;
     const int n = fundamental_seven_point(views.p.leftCols<7>(), views.q.leftCols<7>(), F);
     REQUIRE(n >= 1);
@@ -65,7 +65,7 @@ TEST_CASE("one of the F of seven matches is the step's, and each has rank 2 and 
       CHECK(std::abs(one.norm() - 1) < 1e-12);
       CHECK(std::abs(one.determinant()) < 1e-7);
       for (int i = 0; i < 7; ++i) CHECK(std::abs(views.q.col(i).dot(one * views.p.col(i))) < 1e-7);
-      best = std::min(best, worst(one, views));
+      best = std::min(best, worst_of(one, views));
     }
     found += best < 1e-6 ? 1 : 0;
   }
@@ -75,7 +75,7 @@ TEST_CASE("one of the F of seven matches is the step's, and each has rank 2 and 
 
 TEST_CASE("seven matches of which two are the same leave no single pencil") {
   test::Rng rng("a match twice");
-  Views views = views_of(rng, false);
+  StepViews views = step_views(rng, false);
   views.p.col(6) = views.p.col(0);
   views.q.col(6) = views.q.col(0);
   std::array<Eigen::Matrix3d, 3> F;
@@ -85,7 +85,7 @@ TEST_CASE("seven matches of which two are the same leave no single pencil") {
 TEST_CASE("the H of four matches on a plane is the plane's") {
   test::Rng rng("four matches");
   for (int scene = 0; scene < 200; ++scene) {
-    const Views views = views_of(rng, true);
+    const StepViews views = step_views(rng, true);
     const auto H = homography_four_point(views.p.leftCols<4>(), views.q.leftCols<4>());
     if (!H) continue;  // three nearly on a line
     const Eigen::Matrix3d truth = views.H / views.H.norm();
