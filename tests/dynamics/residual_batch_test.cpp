@@ -57,6 +57,7 @@ TEST_CASE_TEMPLATE("errors and weights of many matches are those of each one, ou
     CHECK(out.dimension[k] == S(r.dimension()));
     CHECK(std::abs(out.photometric[k] - r.photometric) < S(0.05));
     CHECK(std::abs(out.depth[k] - r.depth) < S(1e-4));
-    CHECK(out.weight[k] == doctest::Approx(static_weight<S>(r, here, S(5))).epsilon(2e-3));
+    CHECK(out.weight[k] ==
+          doctest::Approx(static_cast<double>(static_weight<S>(r, here, S(5)))).epsilon(2e-3));
   }
 }

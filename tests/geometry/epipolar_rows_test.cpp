@@ -25,8 +25,9 @@ TEST_CASE_TEMPLATE("distances of many matches are those of each one, also beyond
     sampson_distances_squared<S>(F, rows, sampson);
     for (std::size_t i = 0; i < n; ++i) {
       const Eigen::Matrix<S, 2, 1> a(x[i], y[i]), b(x_m[i], y_m[i]);
-      CHECK(line[i] == doctest::Approx(line_distance<S>(F, a, b)).epsilon(1e-4));
-      CHECK(sampson[i] == doctest::Approx(sampson_distance_squared<S>(F, a, b)).epsilon(1e-3));
+      CHECK(line[i] == doctest::Approx(static_cast<double>(line_distance<S>(F, a, b))).epsilon(1e-4));
+      CHECK(sampson[i] ==
+            doctest::Approx(static_cast<double>(sampson_distance_squared<S>(F, a, b))).epsilon(1e-3));
     }
   }
 }
