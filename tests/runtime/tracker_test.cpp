@@ -239,7 +239,7 @@ TEST_CASE("a mask that kept the room out of the map does not lose the camera whe
       masks.dynamic(open).setTo(0);
       if (i >= kHidden) {
         frame.gray(open).setTo(40);
-        frame.depth(open).setTo(std::numeric_limits<float>::quiet_NaN());
+        frame.depth(open).setTo(std::numeric_limits<double>::quiet_NaN());
       }
       lost += tracker.track(frame, masks).ok() ? 0 : 1;
     }
