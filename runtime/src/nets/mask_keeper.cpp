@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 #include <utility>
+#include <vector>
 
 #include "dynslam/image/depth.hpp"
 #include "io/argument_check.hpp"
@@ -13,7 +16,10 @@
 namespace dynslam::runtime {
 namespace {
 
-constexpr int kSmallest = 80;  // pixels: less is no object
+constexpr int kSmallest = 80;        // pixels: less is no object
+constexpr int kFlowLevels = 3;       // of the pyramid that corners are followed in
+constexpr int kInner = 3;            // pixels from a mask's rim from which the network is trusted
+const cv::Size kFlowWindow(21, 21);  // around a corner
 
 float median_of(std::vector<float>& values) {
   if (values.empty()) return 0;
@@ -26,40 +32,82 @@ cv::Mat square(int radius) {
   return cv::getStructuringElement(cv::MORPH_RECT, {2 * radius + 1, 2 * radius + 1});
 }
 
-/// The parts of a mask: by instance where these are known, by connection otherwise.
-std::vector<cv::Mat> parts_of(const Masks& masks) {
-  std::vector<cv::Mat> parts;
+/// A rectangle with so many pixels more on each side, as far as the image goes.
+cv::Rect grown(const cv::Rect& box, int margin, cv::Size image) {
+  return cv::Rect(box.x - margin, box.y - margin, box.width + 2 * margin, box.height + 2 * margin) &
+         cv::Rect({0, 0}, image);
+}
+
+/// The rectangles of the instances 1 to the highest one; empty ones where there is none.
+std::vector<cv::Rect> boxes_of(const cv::Mat& instances, const cv::Mat& dynamic) {
+  struct Ends {
+    int left = 1 << 30, top = 1 << 30, right = -1, bottom = -1;
+  };
+  std::vector<Ends> ends;
+  for (int v = 0; v < instances.rows; ++v) {
+    const auto* id = instances.ptr<std::uint16_t>(v);
+    const auto* m = dynamic.ptr<std::uint8_t>(v);
+    for (int u = 0; u < instances.cols; ++u) {
+      if (id[u] == 0 || m[u] == 0) continue;
+      if (id[u] > ends.size()) ends.resize(id[u]);
+      Ends& e = ends[id[u] - std::size_t(1)];
+      e = {std::min(e.left, u), std::min(e.top, v), std::max(e.right, u), std::max(e.bottom, v)};
+    }
+  }
+  std::vector<cv::Rect> boxes;
+  for (const Ends& e : ends)
+    boxes.push_back(e.right < 0 ? cv::Rect()
+                                : cv::Rect(e.left, e.top, e.right - e.left + 1, e.bottom - e.top + 1));
+  return boxes;
+}
+
+}  // namespace
+
+std::vector<MaskKeeper::Kept> MaskKeeper::parts_of(const Masks& masks) const {
+  // Around a part there must be room for what depth may add to it, and for what it may cover later.
+  const int margin = options_.band + options_.most_band + kInner;
+  const cv::Size size = masks.dynamic.size();
+  std::vector<Kept> parts;
+  const auto take = [&](const cv::Rect& box, const cv::Mat& image, int id, bool masked) {
+    Kept part;
+    part.at = grown(box, margin, size);
+    part.mask = image(part.at) == id;
+    if (masked) part.mask &= masks.dynamic(part.at) != 0;
+    if (cv::countNonZero(part.mask) >= kSmallest) parts.push_back(std::move(part));
+  };
   if (!masks.instances.empty()) {
-    double highest = 0;
-    cv::minMaxLoc(masks.instances, nullptr, &highest);
-    for (int id = 1; id <= static_cast<int>(highest); ++id) {
-      cv::Mat part = (masks.instances == id) & (masks.dynamic != 0);
-      if (cv::countNonZero(part) >= kSmallest) parts.push_back(std::move(part));
+    const std::vector<cv::Rect> boxes = boxes_of(masks.instances, masks.dynamic);
+    for (std::size_t i = 0; i < boxes.size(); ++i) {
+      if (!boxes[i].empty()) take(boxes[i], masks.instances, static_cast<int>(i) + 1, true);
     }
     return parts;
   }
   cv::Mat labels, statistics, centres;
   const int n = cv::connectedComponentsWithStats(masks.dynamic, labels, statistics, centres, 8, CV_32S);
   for (int i = 1; i < n; ++i) {
-    if (statistics.at<int>(i, cv::CC_STAT_AREA) >= kSmallest) parts.push_back(labels == i);
+    const auto* s = statistics.ptr<int>(i);
+    if (s[cv::CC_STAT_AREA] < kSmallest) continue;
+    take({s[cv::CC_STAT_LEFT], s[cv::CC_STAT_TOP], s[cv::CC_STAT_WIDTH], s[cv::CC_STAT_HEIGHT]}, labels, i,
+         false);
   }
   return parts;
 }
 
-}  // namespace
-
-void MaskKeeper::refine(cv::Mat& mask, const cv::Mat& depth, float& median) const {
+void MaskKeeper::refine(Kept& part, const cv::Mat& whole_depth) const {
+  const cv::Mat depth = whole_depth(part.at);
+  cv::Mat& mask = part.mask;
   std::vector<float> values;
   cv::Mat inner;
-  cv::erode(mask, inner, square(3));
-  for (int v = 0; v < mask.rows; v += 2) {
-    for (int u = 0; u < mask.cols; u += 2) {
+  cv::erode(mask, inner, square(kInner));
+  // Every other pixel of the image, wherever the part lies.
+  for (int v = part.at.y % 2; v < mask.rows; v += 2) {
+    for (int u = part.at.x % 2; u < mask.cols; u += 2) {
       const float z = depth.at<float>(v, u);
       if (inner.at<std::uint8_t>(v, u) != 0 && is_valid_depth(z)) values.push_back(z);
     }
   }
-  median = values.size() >= 20 ? median_of(values) : 0;
-  if (median == 0) return;  // nothing to go by
+  part.depth = values.size() >= 20 ? median_of(values) : 0;
+  if (part.depth == 0) return;  // nothing to go by
   std::sort(values.begin(), values.end());
   const float low = values[values.size() / 20] - 0.5F * options_.depth_margin;
   const float high = values[values.size() - 1 - values.size() / 5] + options_.depth_margin;
@@ -84,13 +132,24 @@ bool MaskKeeper::outdated(Kept& kept, double t) const {
   return ++kept.age > options_.max_age;
 }
 
-bool MaskKeeper::carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) const {
+std::vector<cv::Point2f> MaskKeeper::corners_of(const Kept& kept) const {
+  constexpr int kReach = 8;  // pixels beside a corner that say whether it is one, and more
+  const cv::Rect box = grown(kept.at, kReach, gray_.size());
+  cv::Mat mask = cv::Mat::zeros(box.size(), CV_8UC1);
+  kept.mask.copyTo(mask(kept.at - box.tl()));
+  std::vector<cv::Point2f> corners;
+  cv::goodFeaturesToTrack(gray_(box), corners, options_.points, 0.005, 5, mask);
+  for (cv::Point2f& p : corners) p += cv::Point2f(box.tl());
+  return corners;
+}
+
+bool MaskKeeper::carry(Kept& kept, const std::vector<cv::Mat>& pyramid, const cv::Mat& depth) const {
   if (gray_.empty()) return false;
-  std::vector<cv::Point2f> from, to;
-  cv::goodFeaturesToTrack(gray_, from, options_.points, 0.005, 5, kept.mask);
+  const std::vector<cv::Point2f> from = corners_of(kept);
+  std::vector<cv::Point2f> to;
   if (static_cast<int>(from.size()) < options_.min_points) return false;
   std::vector<std::uint8_t> found;
-  cv::calcOpticalFlowPyrLK(gray_, gray, from, to, found, cv::noArray(), {21, 21}, 3);
+  cv::calcOpticalFlowPyrLK(pyramid_, pyramid, from, to, found, cv::noArray(), kFlowWindow, kFlowLevels);
   std::vector<float> du, dv;
   for (std::size_t i = 0; i < from.size(); ++i) {
     if (found[i] == 0) continue;
@@ -99,11 +158,6 @@ bool MaskKeeper::carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) co
   }
   if (static_cast<int>(du.size()) < options_.min_points) return false;
   const cv::Point2f shift(median_of(du), median_of(dv));
-  const cv::Matx23f M(1, 0, shift.x, 0, 1, shift.y);
-  cv::Mat moved, most;
-  cv::warpAffine(kept.mask, moved, M, kept.mask.size(), cv::INTER_NEAREST);
-  cv::warpAffine(kept.reach, most, M, kept.reach.size(), cv::INTER_NEAREST);
-
   std::vector<float> values;
   for (std::size_t i = 0; i < from.size(); ++i) {
     if (found[i] == 0) continue;
@@ -115,21 +169,33 @@ bool MaskKeeper::carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) co
   }
   if (static_cast<int>(values.size()) < options_.min_points) return false;  // something else is there now
   const float now = median_of(values);
-  cv::Mat reach;
+
+  // Of the image, what the mask and its reach may come to lie on.
+  const cv::Rect there(kept.at.x + cvFloor(shift.x), kept.at.y + cvFloor(shift.y), kept.at.width,
+                       kept.at.height);
+  const cv::Rect box = grown(there, options_.band + 2, gray_.size());
+  if (box.empty()) return false;
+  const cv::Matx23f M(1, 0, shift.x + static_cast<float>(kept.at.x - box.x), 0, 1,
+                      shift.y + static_cast<float>(kept.at.y - box.y));
+  cv::Mat moved, most, reach;
+  cv::warpAffine(kept.mask, moved, M, box.size(), cv::INTER_NEAREST);
+  cv::warpAffine(kept.reach, most, M, box.size(), cv::INTER_NEAREST);
   cv::dilate(moved, reach, square(options_.band));
   cv::bitwise_and(reach, most, reach);
   for (int v = 0; v < moved.rows; ++v) {
     auto* m = moved.ptr<std::uint8_t>(v);
     const auto* r = reach.ptr<std::uint8_t>(v);
-    const auto* z = depth.ptr<float>(v);
+    const auto* z = depth.ptr<float>(v + box.y) + box.x;
     for (int u = 0; u < moved.cols; ++u) {
       if (r[u] == 0 || !is_valid_depth(z[u])) continue;
       m[u] = std::abs(z[u] - now) < options_.depth_margin ? 255 : 0;
     }
   }
   if (cv::countNonZero(moved) < kSmallest) return false;
-  kept.mask = std::move(moved);
-  kept.reach = std::move(most);
+  const cv::Rect tight = cv::boundingRect(most);  // the mask is within
+  kept.mask = moved(tight);
+  kept.reach = most(tight);
+  kept.at = tight + box.tl();
   kept.depth = now;
   return true;
 }
@@ -150,37 +216,43 @@ Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gr
   std::vector<Kept> next;
   cv::Mat seen = cv::Mat::zeros(gray.size(), CV_8UC1);
   if (detected) {
-    for (cv::Mat& part : parts_of(*detected)) {
-      Kept k;
-      k.seen = t;
-      refine(part, depth, k.depth);
-      if (cv::countNonZero(part) < kSmallest) continue;
-      seen |= part;
-      cv::dilate(part, k.reach, square(options_.most_band));
-      k.mask = std::move(part);
-      next.push_back(std::move(k));
+    for (Kept& part : parts_of(*detected)) {
+      part.seen = t;
+      refine(part, depth);
+      if (cv::countNonZero(part.mask) < kSmallest) continue;
+      seen(part.at) |= part.mask;
+      cv::dilate(part.mask, part.reach, square(options_.most_band));
+      next.push_back(std::move(part));
     }
   }
+  std::vector<cv::Mat> pyramid;
+  if (!kept_.empty() || !next.empty()) cv::buildOpticalFlowPyramid(gray, pyramid, kFlowWindow, kFlowLevels);
   cv::Mat all = seen.clone();
+  int covered = cv::countNonZero(all);
   carried_ = 0;
-  const double area = static_cast<double>(gray.total());
+  const double most_cover = options_.max_cover * static_cast<double>(gray.total());
+  const auto found_again = [&](const Kept& k) {
+    return cv::countNonZero(k.mask & seen(k.at)) > options_.redetected * cv::countNonZero(k.mask);
+  };
   for (Kept& k : kept_) {
-    if (cv::countNonZero(k.mask & seen) > options_.redetected * cv::countNonZero(k.mask)) continue;
-    if (outdated(k, t) || !carry(k, gray, depth)) continue;
-    if (cv::countNonZero(k.mask & seen) > options_.redetected * cv::countNonZero(k.mask)) continue;
-    if (cv::countNonZero(all | k.mask) > options_.max_cover * area) continue;  // it cannot be right
-    all |= k.mask;
+    if (found_again(k)) continue;
+    if (outdated(k, t) || !carry(k, pyramid, depth) || found_again(k)) continue;
+    const int more = cv::countNonZero(k.mask & ~all(k.at));
+    if (covered + more > most_cover) continue;  // it cannot be right
+    all(k.at) |= k.mask;
+    covered += more;
     ++carried_;
     next.push_back(std::move(k));
   }
   kept_ = std::move(next);
   gray_ = gray;
+  pyramid_ = std::move(pyramid);
   out.dynamic = all;
   // What moves never becomes furniture, nor the other way round.
   out.labels.setTo(static_cast<int>(Label::person), all);
   out.instances = cv::Mat::zeros(gray.size(), CV_16UC1);
   for (std::size_t i = 0; i < kept_.size(); ++i)
-    out.instances.setTo(static_cast<double>(i + 1), kept_[i].mask);
+    out.instances(kept_[i].at).setTo(static_cast<double>(i + 1), kept_[i].mask);
   return out;
 }
 

@@ -40,20 +40,27 @@ class MaskKeeper {
 
  private:
   struct Kept {
-    cv::Mat mask;     // CV_8UC1 of image size
+    cv::Rect at;      // of the image; outside there is nothing of it
+    cv::Mat mask;     // CV_8UC1, 0 or 255
     cv::Mat reach;    // what it may ever cover, carried along
     float depth = 0;  // median [m]; 0 unknown
     int age = 0;
     double seen = 0;  // time of its last detection [s]
   };
 
-  void refine(cv::Mat& mask, const cv::Mat& depth, float& median) const;
+  /// The parts of a mask: by instance where these are known, by connection otherwise.
+  [[nodiscard]] std::vector<Kept> parts_of(const Masks& masks) const;
+  /// Cuts a part to the object's depth.
+  void refine(Kept& part, const cv::Mat& whole_depth) const;
+  /// Corners of a mask in the last image, to be followed.
+  [[nodiscard]] std::vector<cv::Point2f> corners_of(const Kept& kept) const;
   [[nodiscard]] bool outdated(Kept& kept, double t) const;
-  [[nodiscard]] bool carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) const;
+  [[nodiscard]] bool carry(Kept& kept, const std::vector<cv::Mat>& pyramid, const cv::Mat& depth) const;
 
   MaskKeeperOptions options_;
   std::vector<Kept> kept_;
-  cv::Mat gray_;  // of the last call
+  cv::Mat gray_;                  // of the last call
+  std::vector<cv::Mat> pyramid_;  // of it, where there was something to carry
   int carried_ = 0;
 };
 
