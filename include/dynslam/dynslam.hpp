@@ -100,6 +100,7 @@
 #include "dynslam/segment/mask_growing.hpp"
 #include "dynslam/segment/mask_upsampling.hpp"
 #include "dynslam/segment/region_growing.hpp"
+#include "dynslam/semantic/carried_labels.hpp"
 #include "dynslam/semantic/cell_tree.hpp"
 #include "dynslam/semantic/label_histogram.hpp"
 #include "dynslam/semantic/log_odds.hpp"

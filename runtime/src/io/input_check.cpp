@@ -41,6 +41,10 @@ void check_input(const RgbdFrame& input, const std::optional<Masks>& prior, cons
     if (!prior->dynamic.empty()) check(prior->dynamic, CV_8UC1, "a-priori mask");
     if (!prior->labels.empty()) check(prior->labels, CV_8UC1, "label image");
     if (!prior->instances.empty()) check(prior->instances, CV_16UC1, "instance image");
+    if (prior->earlier) {
+      check(prior->earlier->depth, CV_32FC1, "earlier frame's depth image");
+      check(prior->earlier->labels, CV_8UC1, "earlier frame's label image");
+    }
   }
   check_times(input, last_t);
 }

@@ -9,6 +9,12 @@
 
 namespace dynslam::runtime {
 
+std::shared_ptr<const EarlierLabels> labels_for_later(const Masks& masks, const RgbdFrame& frame) {
+  if (masks.labels.empty() || cv::countNonZero(masks.labels > static_cast<int>(Label::person)) == 0)
+    return {};
+  return std::make_shared<const EarlierLabels>(EarlierLabels{frame.t, frame.depth, masks.labels});
+}
+
 FrameSegmenter::FrameSegmenter(const FrameSegmenterOptions& options)
     : options_(options), segmenter_(options.segmenter), keeper_(options.keeper) {
   check_argument(options_.every >= 1, "FrameSegmenter: `every` must be 1 or more");
@@ -21,11 +27,16 @@ FrameSegmenter::~FrameSegmenter() = default;
 FrameMasks FrameSegmenter::segment(const RgbdFrame& frame, std::size_t index) {
   FrameMasks out;
   Stopwatch watch;
-  if (index % static_cast<std::size_t>(options_.every) == 0)
-    out.masks = cache_ ? cache_->masks_of(frame.bgr, segmenter_) : segmenter_.segment(frame.bgr);
+  const bool sees = index % static_cast<std::size_t>(options_.every) == 0;
+  if (sees) out.masks = cache_ ? cache_->masks_of(frame.bgr, segmenter_) : segmenter_.segment(frame.bgr);
   out.network_ms = watch.lap_ms();
   if (options_.keep) {
     out.masks = keeper_.update(out.masks, frame.gray, frame.depth, frame.t);
+    if (sees && options_.every > 1) {
+      seen_ = labels_for_later(*out.masks, frame);
+    } else {
+      out.masks->earlier = seen_;
+    }
     out.keeper_ms = watch.lap_ms();
   }
   return out;
@@ -33,6 +44,7 @@ FrameMasks FrameSegmenter::segment(const RgbdFrame& frame, std::size_t index) {
 
 void FrameSegmenter::reset() {
   keeper_ = MaskKeeper(options_.keeper);
+  seen_.reset();
 }
 
 }  // namespace dynslam::runtime

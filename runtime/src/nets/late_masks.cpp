@@ -46,6 +46,7 @@ LateMasks::Carried LateMasks::next(const RgbdFrame& frame) {
     if (found_) {
       keeper_ = std::move(found_->keeper);
       seen_t_ = found_->t;
+      seen_labels_ = std::move(found_->labels);
       out.network_ms = found_->network_ms;
       found_.reset();
       ++seen_;
@@ -55,6 +56,7 @@ LateMasks::Carried LateMasks::next(const RgbdFrame& frame) {
   Masks carried = keeper_.update(std::nullopt, frame.gray, frame.depth, frame.t);
   if (seen_t_ && frame.t - *seen_t_ <= longest_age_) {
     out.masks = std::move(carried);
+    out.masks->earlier = seen_labels_;
     out.age = frame.t - *seen_t_;
   }
   out.keeper_ms = watch.lap_ms();
@@ -93,7 +95,8 @@ void LateMasks::work(const std::stop_token& stop) {
       found.t = frame.t;
       FrameMasks segmented = network_.segment(frame, 0);
       found.network_ms = segmented.network_ms;
-      (void)found.keeper.update(segmented.masks, frame.gray, frame.depth, frame.t);
+      found.labels =
+          labels_for_later(found.keeper.update(segmented.masks, frame.gray, frame.depth, frame.t), frame);
       catch_up(found);
     }
   } catch (...) {

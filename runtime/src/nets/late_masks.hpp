@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <deque>
 #include <exception>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -44,6 +45,7 @@ class LateMasks {
   struct Found {
     MaskKeeper keeper;  // at the newest frame but a few
     double t = 0;       // of the frame that the network saw
+    std::shared_ptr<const EarlierLabels> labels;
     double network_ms = 0;
   };
 
@@ -57,6 +59,7 @@ class LateMasks {
   FrameSegmenter network_;
   MaskKeeper keeper_;             // at the frame before
   std::optional<double> seen_t_;  // of the frame that its masks were found in
+  std::shared_ptr<const EarlierLabels> seen_labels_;
   std::size_t frames_ = 0;
 
   mutable std::mutex mutex_;

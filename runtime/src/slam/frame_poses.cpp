@@ -18,12 +18,22 @@ void FramePoses::take(const FramePoses& other, int first_keyframe) {
   std::stable_sort(frames_.begin(), frames_.end(), [](const auto& a, const auto& b) { return a.t < b.t; });
 }
 
+SE3<double> FramePoses::T_w_c(const FramePose& frame, const LocalMap& map) {
+  return (frame.T_c_reference * map.pose(frame.reference)).inverse();
+}
+
+std::optional<SE3<double>> FramePoses::pose_at(double t, const LocalMap& map) const {
+  const auto it = std::lower_bound(frames_.begin(), frames_.end(), t,
+                                   [](const FramePose& frame, double time) { return frame.t < time; });
+  if (it == frames_.end() || it->t != t) return std::nullopt;
+  return T_w_c(*it, map);
+}
+
 std::vector<StampedPose<double>> FramePoses::poses(const LocalMap& map, bool keyframes_alone) const {
   std::vector<StampedPose<double>> result;
   for (const FramePose& frame : frames_) {
     if (keyframes_alone && !frame.keyframe) continue;
-    const SE3<double> T_reference = map.pose(frame.reference);
-    result.push_back({frame.t, (frame.T_c_reference * T_reference).inverse(), frame.ns});
+    result.push_back({frame.t, T_w_c(frame, map), frame.ns});
   }
   return result;
 }

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "dynslam/eval/trajectory.hpp"
@@ -18,6 +19,8 @@ class FramePoses {
   /// Takes in those of a map whose keyframes have become those from `first_keyframe` on.
   void take(const FramePoses& other, int first_keyframe);
   [[nodiscard]] std::vector<StampedPose<double>> poses(const LocalMap& map, bool keyframes_alone) const;
+  /// T_w_c of the frame of time t [s] as the map has it now; nullopt: it was not tracked.
+  [[nodiscard]] std::optional<SE3<double>> pose_at(double t, const LocalMap& map) const;
   [[nodiscard]] std::size_t size() const { return frames_.size(); }
 
  private:
@@ -28,6 +31,7 @@ class FramePoses {
     SE3<double> T_c_reference;
     bool keyframe;
   };
+  [[nodiscard]] static SE3<double> T_w_c(const FramePose& frame, const LocalMap& map);
   std::vector<FramePose> frames_;
 };
 

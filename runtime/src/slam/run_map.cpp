@@ -2,6 +2,7 @@
 #include "slam/run_map.hpp"
 
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "dynslam/runtime/io/map_io.hpp"
 
@@ -24,13 +25,17 @@ void RunMap::load(const std::filesystem::path& folder, const ScanOwner& owner) {
     mapped_ = mapper_.load_scans(folder / "scans.bin", owner);
 }
 
-void RunMap::insert(const TrackResult& result, const RgbdFrame& frame, const std::optional<Masks>& prior) {
+void RunMap::insert(const TrackResult& result, const RgbdFrame& frame, const std::optional<Masks>& prior,
+                    const std::optional<SE3<double>>& T_w_earlier) {
   // Who rests serves the pose; the map never gets what may move.
   const bool known = prior && !prior->dynamic.empty();
   cv::dilate(known ? result.dynamic_mask | prior->dynamic : cv::MatExpr(result.dynamic_mask), never_map_,
              margin_);
-  mapper_.insert({result.T_w_c, frame.depth, never_map_.clone(), prior ? prior->labels : cv::Mat(), frame.bgr,
-                  result.reference});
+  MapKeyframe keyframe{result.T_w_c, frame.depth,     never_map_.clone(), prior ? prior->labels : cv::Mat(),
+                       frame.bgr,    result.reference};
+  if (prior && prior->earlier && T_w_earlier)
+    keyframe.earlier = LabelledView{prior->earlier->depth, prior->earlier->labels, *T_w_earlier};
+  mapper_.insert(std::move(keyframe));
   mapped_.emplace_back(result.reference, result.T_w_c);
 }
 

@@ -26,8 +26,10 @@ class RunMap {
 
   /// Starts from the scans of an earlier run's folder, where it has some. @throws InputError
   void load(const std::filesystem::path& folder, const ScanOwner& owner);
-  /// Adds a keyframe. @throws what the mapper's thread met
-  void insert(const TrackResult& result, const RgbdFrame& frame, const std::optional<Masks>& prior);
+  /// Adds a keyframe. @param T_w_earlier  pose of the frame that `prior` has labels of; nullopt: unknown
+  /// @throws what the mapper's thread met
+  void insert(const TrackResult& result, const RgbdFrame& frame, const std::optional<Masks>& prior,
+              const std::optional<SE3<double>>& T_w_earlier);
   /// Has the octree made again where a correction of the poses (a loop, bundle adjustment) is worth it.
   void follow(const LocalMap& map);
   /// Waits until everything is in the tree. @throws what the mapper's thread met

@@ -15,6 +15,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/mask_reader.hpp"
+#include "dynslam/semantic/carried_labels.hpp"
 #include "io/argument_check.hpp"
 #include "threads/thread_priority.hpp"
 
@@ -35,6 +36,7 @@ const SemanticMapperOptions& checked(const SemanticMapperOptions& options, int w
 SemanticMapper::SemanticMapper(const AnyCamera<double>& camera, int width, int height,
                                const SemanticMapperOptions& options)
     : options_(checked(options, width, height)),
+      camera_(camera.cast<float>()),
       size_(width, height),
       scanner_(camera, width, height, options.scan),
       tree_(options.resolution),
@@ -50,6 +52,13 @@ void SemanticMapper::insert(MapKeyframe keyframe) {
   check_image(keyframe.bgr, size_, CV_8UC3, "SemanticMapper::insert(): the colour image");
   check_optional_image(keyframe.dynamic_mask, size_, CV_8UC1, "SemanticMapper::insert(): the mask");
   check_optional_image(keyframe.labels, size_, CV_8UC1, "SemanticMapper::insert(): the label image");
+  if (keyframe.earlier) {
+    check_pose(keyframe.earlier->T_w_c, "SemanticMapper::insert(): the earlier frame's pose");
+    check_image(keyframe.earlier->depth, size_, CV_32FC1,
+                "SemanticMapper::insert(): the earlier frame's depth image");
+    check_image(keyframe.earlier->labels, size_, CV_8UC1,
+                "SemanticMapper::insert(): the earlier frame's label image");
+  }
   queue_.push(std::move(keyframe));
 }
 
@@ -113,7 +122,23 @@ void SemanticMapper::check_size() const {
                   options_.max_bytes >> 20U, options_.resolution));
 }
 
+void SemanticMapper::take_labels(MapKeyframe& keyframe) const {
+  const LabelledView& then = *keyframe.earlier;
+  const SE3<float> T_then_now = (then.T_w_c.inverse() * keyframe.T_w_c).cast<float>();
+  CarriedLabelsOptions<float> options;
+  options.noise = options_.scan.noise;
+  cv::Mat labels(size_, CV_8UC1);
+  carry_labels(camera_, interop::view<float>(then.depth), interop::view<std::uint8_t>(then.labels),
+               interop::view<float>(keyframe.depth), T_then_now, interop::view<std::uint8_t>(labels),
+               options);
+  // A person may have gone from a place and another thing stand there at the same depth.
+  if (options_.scan.mover_label >= 0) labels.setTo(0, labels == options_.scan.mover_label);
+  if (!keyframe.labels.empty()) keyframe.labels.copyTo(labels, keyframe.labels);
+  keyframe.labels = labels;
+}
+
 void SemanticMapper::run(MapKeyframe& keyframe) {
+  if (keyframe.earlier) take_labels(keyframe);
   scans_.push_back(
       {keyframe.id, keyframe.T_w_c,
        scanner_.pack(interop::view<float>(keyframe.depth), interop::view<std::uint8_t>(keyframe.dynamic_mask),

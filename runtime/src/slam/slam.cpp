@@ -48,15 +48,25 @@ SlamOptions with_noise_of(const CameraConfig& camera, SlamOptions options) {
   return options;
 }
 
+/// Puts a keyframe into an octree. @param frames  those that were tracked, @param map  where they are now
+void insert_scan(const TrackResult& result, const RgbdFrame& frame, const std::optional<Masks>& prior,
+                 const FramePoses& frames, const LocalMap& map, RunMap& octree) {
+  std::optional<SE3<double>> T_w_earlier;
+  if (prior && prior->earlier) T_w_earlier = frames.pose_at(prior->earlier->t, map);
+  octree.insert(result, frame, prior, T_w_earlier);
+}
+
 /// Puts the scans of a map that was begun while the camera was lost into an octree.
+/// @param frames     those that were tracked
 /// @param keyframes  where they are now
 /// @param first      id there of the map's first keyframe
-void insert_scans(const SeparateMap& map, const LocalMap& keyframes, int first, RunMap& octree) {
+void insert_scans(const SeparateMap& map, const FramePoses& frames, const LocalMap& keyframes, int first,
+                  RunMap& octree) {
   for (const SeparateMap::Scan& scan : map.scans()) {
     TrackResult result = scan.result;
     result.reference += first;
     result.T_w_c = keyframes.pose(result.reference).inverse();
-    octree.insert(result, scan.frame, scan.prior);
+    insert_scan(result, scan.frame, scan.prior, frames, keyframes, octree);
   }
 }
 
@@ -103,7 +113,7 @@ void Slam::State::join(SeparateMap& map, double t) {
   map.tracker().finish();
   const int first = tracker->adopt(map.tracker().map(), map.T_main_w());
   frames.take(map.frames(), first);
-  if (octree) insert_scans(map, tracker->map(), first, *octree);
+  if (octree) insert_scans(map, frames, tracker->map(), first, *octree);
   journal.joined({t, map.number, map.frames().size(), map.T_main_w()});
 }
 
@@ -118,7 +128,7 @@ void Slam::State::save_beside(const SeparateMap& map, const std::filesystem::pat
   std::vector<int> names;
   if (octree && whole && !map.scans().empty()) {
     scans = std::make_unique<RunMap>(camera, mapper_options(options));
-    insert_scans(map, keyframes, 0, *scans);
+    insert_scans(map, map.frames(), keyframes, 0, *scans);
     scans->finish();
     names = scans->tidy(keyframes);
   }
@@ -168,7 +178,7 @@ TrackResult Slam::track(const RgbdFrame& frame, const std::optional<Masks>& prio
     result = s.tracker->track(frame, prior);
     if (result.ok()) s.frames.add(frame, result);
     if (!result.keyframe || !s.octree) return;
-    s.octree->insert(result, frame, prior);
+    insert_scan(result, frame, prior, s.frames, s.tracker->map(), *s.octree);
     if (result.loop) s.octree->follow(s.tracker->map());
   });
   s.journal.note(*s.tracker, frame.t, &result);

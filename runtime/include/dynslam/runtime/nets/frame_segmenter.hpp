@@ -28,6 +28,10 @@ struct FrameMasks {
   double network_ms = 0, keeper_ms = 0;
 };
 
+/// What later frames may take from this one's labels; null where nothing that stands still has one.
+[[nodiscard]] std::shared_ptr<const EarlierLabels> labels_for_later(const Masks& masks,
+                                                                    const RgbdFrame& frame);
+
 /// The masks of one frame after the other: a network's, refined and carried.
 class FrameSegmenter {
  public:
@@ -47,6 +51,7 @@ class FrameSegmenter {
   FrameSegmenterOptions options_;
   OnnxSegmenter segmenter_;
   MaskKeeper keeper_;
+  std::shared_ptr<const EarlierLabels> seen_;  // of the last frame that the network saw
   std::unique_ptr<MaskCache> cache_;
 };
 

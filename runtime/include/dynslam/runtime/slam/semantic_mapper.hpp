@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <thread>
 #include <utility>
 #include <variant>
@@ -46,14 +47,22 @@ struct SemanticMapperOptions {
   }
 };
 
+/// Labels of another frame that a keyframe takes over where it shows the same surface.
+struct LabelledView {
+  cv::Mat depth;   ///< CV_32FC1 metres, NaN = invalid
+  cv::Mat labels;  ///< CV_8UC1 of Label; people are not taken over
+  SE3<double> T_w_c;
+};
+
 /// A keyframe's contribution to the map.
 struct MapKeyframe {
   SE3<double> T_w_c;
-  cv::Mat depth;         ///< CV_32FC1 metres, NaN = invalid
-  cv::Mat dynamic_mask;  ///< CV_8UC1, nonzero is never mapped; empty: nothing masked
-  cv::Mat labels;        ///< CV_8UC1 of Label, or empty
-  cv::Mat bgr;           ///< CV_8UC3
-  int id = -1;           ///< names the keyframe in repose()
+  cv::Mat depth;                             ///< CV_32FC1 metres, NaN = invalid
+  cv::Mat dynamic_mask;                      ///< CV_8UC1, nonzero is never mapped; empty: nothing masked
+  cv::Mat labels;                            ///< CV_8UC1 of Label, or empty
+  cv::Mat bgr;                               ///< CV_8UC3
+  int id = -1;                               ///< names the keyframe in repose()
+  std::optional<LabelledView> earlier = {};  ///< gives labels to pixels that have none of their own
 };
 
 /// Fuses keyframes into a semantic octree on a thread of its own (paper, step 11; Eqs 9 to 12).
@@ -123,10 +132,13 @@ class SemanticMapper {
   /// Whether each scan is worth keeping.
   [[nodiscard]] std::vector<bool> still_needed() const;
   void run(MapKeyframe& keyframe);
+  /// Gives the pixels of a keyframe the labels that an earlier frame has of the same surfaces.
+  void take_labels(MapKeyframe& keyframe) const;
   void run(Poses& poses);
   void run(Scans& scans);
 
   SemanticMapperOptions options_;
+  AnyCamera<float> camera_;
   cv::Size size_;  // of the images
   MapScanner scanner_;
   interop::SemanticOcTree tree_;
