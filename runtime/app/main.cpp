@@ -12,6 +12,7 @@
 
 #include "config_command.hpp"
 #include "config_file.hpp"
+#include "convert_command.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "evaluate_command.hpp"
 #include "exit_codes.hpp"
@@ -38,6 +39,7 @@ int run(int argc, char** argv) {
   const AblateCommand ablate(app);
   const EvaluateCommand evaluate(app);
   const InfoCommand info(app);
+  const ConvertCommand convert(app);
   const SynthCommand synth(app);
   const MapCommand map(app);
   const ConfigCommand show(app, run_command);
@@ -51,6 +53,7 @@ int run(int argc, char** argv) {
     if (ablate.chosen()) return ablate.run();
     if (evaluate.chosen()) return evaluate.run();
     if (info.chosen()) return info.run();
+    if (convert.chosen()) return convert.run();
     if (synth.chosen()) return synth.run();
     return map.run();
   } catch (const CLI::FileError&) {

@@ -5,7 +5,7 @@
 
 #include <filesystem>
 #include <string>
-#include <string_view>
+#include <tuple>
 
 #include "dynslam/runtime/synth/synth.hpp"
 #include "progress_line.hpp"
@@ -19,21 +19,6 @@ struct SynthCommand::Options {
   std::string size = "640x480";
   std::filesystem::path out;
 };
-
-/// Two whole numbers from 1 to 99999 with an x between, as in 848x480.
-static CLI::Validator size() {
-  return {[](const std::string& text) {
-            const auto number = [](std::string_view s) {
-              return !s.empty() && s.size() < 6 &&
-                     s.find_first_not_of("0123456789") == std::string_view::npos;
-            };
-            const std::size_t x = text.find('x');
-            const bool good = x != std::string::npos && number(std::string_view(text).substr(0, x)) &&
-                              number(std::string_view(text).substr(x + 1));
-            return good ? std::string() : fmt::format("'{}' is not a size as 848x480", text);
-          },
-          ""};
-}
 
 SynthCommand::SynthCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   Options& o = *o_;
@@ -58,7 +43,7 @@ SynthCommand::SynthCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   o.command->add_option("--size", o.size, "Size of the images; the field of view across stays")
       ->capture_default_str()
       ->type_name("WxH")
-      ->check(size());
+      ->check(image_size());
   o.command->add_flag("--exposure-change", o.synth.exposure_change, "Exposure varies over time");
   o.command->add_flag("--motion-blur", o.synth.motion_blur, "The shutter is open for half a frame");
 }
@@ -72,8 +57,7 @@ bool SynthCommand::chosen() const {
 int SynthCommand::run() const {
   ProgressLine line;
   runtime::SynthOptions synth = o_->synth;
-  synth.width = std::stoi(o_->size);
-  synth.height = std::stoi(o_->size.substr(o_->size.find('x') + 1));
+  std::tie(synth.width, synth.height) = parse_image_size(o_->size);
   runtime::synthesize(synth, o_->out,
                       [&](int done, int total) { line.show(fmt::format("{}/{} frames", done, total)); });
   return 0;

@@ -6,6 +6,7 @@
 #include <charconv>
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <system_error>
 
 #include "dynslam/runtime/io/text_lines.hpp"
@@ -47,6 +48,24 @@ CLI::Validator whole() {
                        : fmt::format("'{}' is not a whole number from 0", text);
           },
           ""};
+}
+
+CLI::Validator image_size() {
+  return {[](const std::string& text) {
+            const auto number = [](std::string_view s) {
+              return !s.empty() && s.size() < 6 &&
+                     s.find_first_not_of("0123456789") == std::string_view::npos;
+            };
+            const std::size_t x = text.find('x');
+            const bool good = x != std::string::npos && number(std::string_view(text).substr(0, x)) &&
+                              number(std::string_view(text).substr(x + 1));
+            return good ? std::string() : fmt::format("'{}' is not a size as 848x480", text);
+          },
+          ""};
+}
+
+std::pair<int, int> parse_image_size(const std::string& text) {
+  return {std::stoi(text), std::stoi(text.substr(text.find('x') + 1))};
 }
 
 }  // namespace dynslam::app

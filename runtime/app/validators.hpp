@@ -2,6 +2,8 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <string>
+#include <utility>
 
 namespace dynslam::app {
 
@@ -13,5 +15,9 @@ namespace dynslam::app {
 [[nodiscard]] CLI::Validator positive();
 /// A whole number from 0; CLI11 would turn -1 into 2^64 - 1.
 [[nodiscard]] CLI::Validator whole();
+/// Two whole numbers from 1 to 99999 with an x between, as in 848x480.
+[[nodiscard]] CLI::Validator image_size();
+/// What image_size() has accepted. @return width and height
+[[nodiscard]] std::pair<int, int> parse_image_size(const std::string& text);
 
 }  // namespace dynslam::app

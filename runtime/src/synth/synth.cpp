@@ -17,6 +17,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
+#include "dynslam/runtime/io/convert.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "io/make_folder.hpp"
@@ -244,12 +245,13 @@ void synthesize(const SynthOptions& options, const fs::path& out,
   write_file(out / "depth.txt", lists.depth);
   write_file(out / "associations.txt", lists.associations);
   write_trajectory(out / "groundtruth.txt", lists.truth);
-  const Pinhole<double> camera = camera_of(options);
-  write_file(out / "camera.txt",
-             fmt::format("name = synthetic\nwidth = {}\nheight = {}\nfx = {}\nfy = {}\ncx = {}\ncy = "
-                         "{}\ndepth_units_per_metre = {}\n",
-                         options.width, options.height, camera.fx(), camera.fy(), camera.cx(), camera.cy(),
-                         kDepthUnits));
+  CameraConfig camera;
+  camera.name = "synthetic";
+  camera.width = options.width;
+  camera.height = options.height;
+  camera.model = camera_of(options);
+  camera.depth_units_per_metre = kDepthUnits;
+  write_file(out / "camera.txt", camera_text(camera));
 }
 
 }  // namespace dynslam::runtime

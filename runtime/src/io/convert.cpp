@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/runtime/io/convert.hpp"
+
+#include <fmt/format.h>
+
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <string>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/atomic_file.hpp"
+#include "dynslam/runtime/io/frame_stream.hpp"
+#include "dynslam/runtime/io/image_io.hpp"
+#include "dynslam/runtime/io/time_stamp.hpp"
+#include "dynslam/runtime/io/trajectory_io.hpp"
+#include "io/argument_check.hpp"
+#include "io/make_folder.hpp"
+
+namespace fs = std::filesystem;
+
+namespace dynslam::runtime {
+namespace {
+
+/// The lines of the lists of a sequence.
+struct Lists {
+  std::string colour, depth, pairs;
+};
+
+std::string seconds(double t, std::int64_t ns) {
+  return ns % 1000 != 0 ? nanosecond_text(ns) : fmt::format("{:.6f}", t);
+}
+
+cv::Mat scaled_colour(const cv::Mat& image, cv::Size size) {
+  if (image.size() == size) return image;
+  cv::Mat scaled;
+  const bool smaller = size.width <= image.cols && size.height <= image.rows;
+  cv::resize(image, scaled, size, 0, 0, smaller ? cv::INTER_AREA : cv::INTER_CUBIC);
+  return scaled;
+}
+
+/// 16-bit depth in the camera's units; what is none, or too far for 16 bits, is 0.
+cv::Mat scaled_depth(const cv::Mat& metres, cv::Size size, double units) {
+  cv::Mat raw(metres.size(), CV_16UC1), scaled;
+  for (int v = 0; v < metres.rows; ++v) {
+    const auto* z = metres.ptr<float>(v);
+    auto* out = raw.ptr<std::uint16_t>(v);
+    for (int u = 0; u < metres.cols; ++u) {
+      const double value = static_cast<double>(z[u]) * units + 0.5;
+      out[u] = value >= 1 && value < 65536 ? static_cast<std::uint16_t>(value) : std::uint16_t(0);  // NaN: 0
+    }
+  }
+  if (raw.size() == size) return raw;
+  cv::resize(raw, scaled, size, 0, 0, cv::INTER_NEAREST_EXACT);
+  return scaled;
+}
+
+void write_frame(const RgbdFrame& frame, const FrameRecord& record, cv::Size size, double units,
+                 const fs::path& out, Lists& lists) {
+  const std::string t = seconds(record.t_rgb, record.ns), t_depth = seconds(record.t_depth, 0);
+  const std::string colour = "rgb/" + t + ".png", depth = "depth/" + t_depth + ".png";
+  write_image(out / colour, scaled_colour(frame.bgr, size));
+  write_image(out / depth, scaled_depth(frame.depth, size, units));
+  lists.colour += fmt::format("{} {}\n", t, colour);
+  lists.depth += fmt::format("{} {}\n", t_depth, depth);
+  lists.pairs += fmt::format("{} {} {} {}\n", t, colour, t_depth, depth);
+}
+
+void check(const fs::path& out, cv::Size size, std::size_t every) {
+  check_argument(every >= 1, "convert: `every` must be 1 or more");
+  const auto fits = [](int side) { return side >= 64 && side <= kLongestSide; };
+  if (!fits(size.width) || !fits(size.height))
+    throw UsageError(
+        fmt::format("images of {}x{}: each side must be from 64 to 8192 pixels", size.width, size.height));
+  std::error_code error;
+  if (fs::exists(out, error) && !(fs::is_directory(out, error) && fs::is_empty(out, error)))
+    throw InputError(out.string(), 0, "is not an empty folder: choose another one");
+}
+
+}  // namespace
+
+CameraConfig scaled_camera(const CameraConfig& camera, cv::Size size) {
+  CameraConfig scaled = camera;
+  if (cv::Size(camera.width, camera.height) == size) return scaled;
+  scaled.width = size.width;
+  scaled.height = size.height;
+  const double x = static_cast<double>(size.width) / camera.width,
+               y = static_cast<double>(size.height) / camera.height;
+  const Pinhole<double>& p = camera.model.pinhole();
+  // The centre of the first pixel is 0, its left end -0.5.
+  const double fx = p.fx() * x, fy = p.fy() * y, cx = (p.cx() + 0.5) * x - 0.5, cy = (p.cy() + 0.5) * y - 0.5;
+  if (const KannalaBrandt<double>* fisheye = camera.model.kannala_brandt()) {
+    scaled.model = KannalaBrandt<double>(fx, fy, cx, cy, fisheye->coefficients());
+  } else {
+    scaled.model =
+        PinholeBrownConrady<double>(Pinhole<double>(fx, fy, cx, cy), *camera.model.brown_conrady());
+  }
+  return scaled;
+}
+
+ConvertReport convert_sequence(const Sequence& sequence, const CameraConfig& camera, const fs::path& out,
+                               const ConvertOptions& options,
+                               const std::function<void(std::size_t, std::size_t)>& progress) {
+  const cv::Size size = options.size.empty() ? cv::Size(camera.width, camera.height) : options.size;
+  check(out, size, options.every);
+  make_folder(out / "rgb");
+  make_folder(out / "depth");
+  Sequence taken;
+  for (std::size_t i = 0; i < sequence.frames.size(); i += options.every)
+    taken.frames.push_back(sequence.frames[i]);
+  const std::size_t total = taken.frames.size();
+  ConvertReport report;
+  Lists lists;
+  FrameStream stream(taken, camera);
+  while (const std::optional<FrameResult> next = stream.next()) {
+    if (next->frame) {
+      write_frame(*next->frame, next->record, size, camera.depth_units_per_metre, out, lists);
+      ++report.written;
+    } else {
+      report.broken.push_back(next->error);
+    }
+    if (progress) progress(next->index + 1, total);
+  }
+  if (2 * report.broken.size() > total || report.written == 0)
+    throw InputError(sequence.root.string(), 0,
+                     fmt::format("{} of {} frames cannot be read; the first one: {}", report.broken.size(),
+                                 total, report.broken.empty() ? "there is none" : report.broken.front()));
+  write_file(out / "rgb.txt", lists.colour);
+  write_file(out / "depth.txt", lists.depth);
+  CameraConfig written = scaled_camera(camera, size);
+  written.invalid_depth = 0;      // it is 0 here
+  written.depth_time_offset = 0;  // times of depth are when it was taken
+  write_file(out / "camera.txt", camera_text(written));
+  if (!sequence.groundtruth.empty()) write_trajectory(out / "groundtruth.txt", sequence.groundtruth);
+  write_file(out / "associations.txt", lists.pairs);
+  return report;
+}
+
+}  // namespace dynslam::runtime
