@@ -119,7 +119,7 @@ test::Record<double> camera_results() {
 }  // namespace
 
 TEST_CASE_TEMPLATE("a window and two views have the same answer with every camera, in float and double",
-                   Camera, DYNSLAM_CONFORMANCE_CAMERAS) {
+                   Camera, DYNSLAM_CONFORMANCE_EACH_CAMERA) {
   static const auto expected = camera_results<Pinhole<double>>();
   test::check_same(camera_results<Camera>(), expected, 3e-3);
 }

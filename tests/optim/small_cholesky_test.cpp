@@ -18,11 +18,12 @@ namespace {
 /// diagonal stands nonsense.
 template <class S, int N>
 Eigen::Matrix<S, N, N> positive_definite(test::Rng& rng, double decades) {
-  Eigen::Matrix<double, N, N + 3> J;
+  Eigen::MatrixXd J(N, N + 3);
   for (int j = 0; j < N + 3; ++j) {
     for (int i = 0; i < N; ++i) J(i, j) = rng.normal() * std::pow(10, decades * i / N);
   }
-  Eigen::Matrix<S, N, N> A = (J * J.transpose()).template cast<S>();
+  const Eigen::MatrixXd JJ = J * J.transpose();
+  Eigen::Matrix<S, N, N> A = JJ.template cast<S>();
   A.template triangularView<Eigen::StrictlyUpper>().setConstant(S(1e9));
   return A;
 }
@@ -32,17 +33,19 @@ void compare_with_eigen(test::Rng& rng) {
   const double tolerance = 1e5 * static_cast<double>(std::numeric_limits<S>::epsilon());
   for (const double decades : {0.0, 4.0}) {
     const auto A = positive_definite<S, N>(rng, decades);
-    const Eigen::Matrix<double, N, N> whole =
-        A.template cast<double>().template selfadjointView<Eigen::Lower>();
+    // Of dynamic size, so that Eigen's solvers are compiled once and not for every N.
+    Eigen::MatrixXd whole = A.template cast<double>();
+    whole = Eigen::MatrixXd(whole.selfadjointView<Eigen::Lower>());
     Eigen::Matrix<S, N, 1> b;
     for (int i = 0; i < N; ++i) b(i) = S(rng.normal());
     SmallCholesky<S, N> factor;
     REQUIRE(factor.compute(A));
-    const Eigen::Matrix<double, N, 1> expected = whole.llt().solve(b.template cast<double>());
-    CHECK(factor.solve(b).template cast<double>().isApprox(expected, tolerance));
+    const Eigen::VectorXd expected = whole.llt().solve(Eigen::VectorXd(b.template cast<double>()));
+    const Eigen::VectorXd solution = factor.solve(b).template cast<double>();
+    CHECK(solution.isApprox(expected, tolerance));
     const auto inverse = factor.inverse();
     CHECK(inverse == inverse.transpose());
-    CHECK(inverse.template cast<double>().isApprox(whole.inverse(), tolerance));
+    CHECK(Eigen::MatrixXd(inverse.template cast<double>()).isApprox(whole.inverse(), tolerance));
   }
 }
 
