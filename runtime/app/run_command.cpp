@@ -74,10 +74,12 @@ void add_segmentation_options(CLI::App& app, rt::SegmentationStageOptions& s) {
   app.add_option("--network-threads", s.segmenter.threads, "Threads of the network, 1 to 64")
       ->capture_default_str()
       ->check(number_in(1, 64));
-  app.add_option("--segment-every", s.every,
-                 "The network sees every so many frames; masks are carried between them")
-      ->capture_default_str()
-      ->check(number_in(1, 1000));
+  app.add_option_function<std::string>(
+         "--segment-every", [&s](const std::string& text) { s.every = text == "auto" ? 0 : std::stoi(text); },
+         "The network sees every so many frames, or (auto) ten a second; masks are carried between them")
+      ->default_str("1")
+      ->type_name("N|auto")
+      ->check(CLI::IsMember({"auto"}) | whole_in(1, 1000));
   app.add_option_function<std::string>(
          "--segment", [&s](const std::string& how) { s.async = how == "async"; },
          "sync: before each frame is tracked; async: ahead, on a thread of its own (same results)")

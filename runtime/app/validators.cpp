@@ -50,6 +50,18 @@ CLI::Validator whole() {
           ""};
 }
 
+CLI::Validator whole_in(int low, int high) {
+  return {[=](std::string& text) {
+            int value = 0;
+            const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+            const bool good = error == std::errc() && end == text.data() + text.size();
+            return good && value >= low && value <= high
+                       ? std::string()
+                       : fmt::format("'{}' is not a whole number from {} to {}", text, low, high);
+          },
+          ""};
+}
+
 CLI::Validator image_size() {
   return {[](const std::string& text) {
             const auto number = [](std::string_view s) {

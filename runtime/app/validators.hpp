@@ -15,6 +15,8 @@ namespace dynslam::app {
 [[nodiscard]] CLI::Validator positive();
 /// A whole number from 0; CLI11 would turn -1 into 2^64 - 1.
 [[nodiscard]] CLI::Validator whole();
+/// A whole number within [low, high].
+[[nodiscard]] CLI::Validator whole_in(int low, int high);
 /// Two whole numbers from 1 to 99999 with an x between, as in 848x480.
 [[nodiscard]] CLI::Validator image_size();
 /// What image_size() has accepted. @return width and height

@@ -253,17 +253,17 @@ TEST_CASE("features, masks and networks refuse images of another kind") {
       {"8-bit instances", keep(gray, depth, masks(gray, {}, gray)), "instance image is 640x480 CV_8UC1"},
       {"nothing to segment", segment({}), "segment(): the image is empty"},
       {"grey to segment", segment(gray), "expected any size of CV_8UC3"},
-      {"every 0 frames",
+      {"every -1 frames",
        [&] {
          const test::TumFixture tum(1);
          FrameStream frames(load_sequence(tum.path), load_camera((tum.path / "camera.txt").string()));
          SegmentationStageOptions o;
          o.segmenter.model = model;
          o.segmenter.engine = EngineKind::opencv;
-         o.every = 0;
+         o.every = -1;
          const SegmentationStage stage(frames, o);
        },
-       "`every` must be 1 or more"},
+       "`every` must be 0 or more"},
   });
 }
 

@@ -103,6 +103,25 @@ TEST_CASE("labels of a frame that was never tracked are left out; images that ar
   CHECK_THROWS_AS((void)slam.track(walk.frames[0], masks), InputError);
 }
 
+TEST_CASE("where the network is to see ten frames a second, time stamps say which") {
+  const LabelledWalk& walk = labelled_walk();
+  test::write_onnx(walk.folder.path / "colours.onnx", test::colour_network());
+  FrameSegmenterOptions options;
+  options.segmenter.model = walk.folder.path / "colours.onnx";
+  options.every = 0;
+  for (const double fps : {30.0, 10.0}) {
+    FrameSegmenter segmenter(options);
+    for (std::size_t i = 0; i < 7; ++i) {
+      RgbdFrame frame = walk.frames[i];
+      frame.t = walk.frames[0].t + static_cast<double>(i) / fps + (i % 2 == 0 ? 0.002 : -0.002);
+      const FrameMasks out = segmenter.segment(frame, i);
+      CHECK((out.masks->earlier == nullptr) == (fps == 10 || i % 3 == 0));
+    }
+  }
+  options.period = 0;
+  CHECK_THROWS_AS(FrameSegmenter{options}, UsageError);
+}
+
 TEST_CASE("between the frames that the network sees its labels are given along") {
   const LabelledWalk& walk = labelled_walk();
   test::write_onnx(walk.folder.path / "colours.onnx", test::colour_network());

@@ -69,8 +69,11 @@ void list(FieldList& f, MaskKeeperOptions& o) {
 }
 
 void list(FieldList& f, FrameSegmenterOptions& o) {
-  f("every", o.every, "frames", "the network sees every so many frames; masks are carried between them",
-    between(1, 1000));
+  f("every", o.every, "frames",
+    "the network sees every so many frames; masks are carried between them; 0: one each `period`",
+    between(0, 1000));
+  f("period", o.period, "s", "time from one frame that the network sees to the next where `every` is 0",
+    between(0.001, 1000));
   f("keep", o.keep, "", "cut masks to the object's depth and carry missed ones forward");
   f("cache", o.cache, "", "folder that keeps the network's masks between runs; empty: none");
   f.table("segmenter", o.segmenter);

@@ -32,7 +32,7 @@ LateMasks::LateMasks(const FrameSegmenterOptions& options, double longest_age)
       longest_age_(longest_age),
       network_(network_alone(options)),
       keeper_(in_seconds(options.keeper, longest_age)) {
-  check_argument(options.every >= 1, "LateMasks: `every` must be 1 or more");
+  check_argument(options.every >= 0, "LateMasks: `every` must be 0 or more");
   check_argument(options.keep, "a live schedule carries masks: `keep` must be true");
   thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
 }
@@ -64,7 +64,7 @@ LateMasks::Carried LateMasks::next(const RgbdFrame& frame) {
 }
 
 void LateMasks::offer(const RgbdFrame& frame) {
-  const bool wanted = frames_++ % static_cast<std::size_t>(options_.every) == 0;
+  const bool wanted = options_.every == 0 || frames_++ % static_cast<std::size_t>(options_.every) == 0;
   const std::lock_guard lock(mutex_);
   if (!busy_ && wanted) {
     job_ = frame;

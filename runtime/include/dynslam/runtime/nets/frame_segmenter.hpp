@@ -18,6 +18,7 @@ struct FrameSegmenterOptions {
   SegmenterOptions segmenter;
   MaskKeeperOptions keeper;
   int every = 1;                ///< the network sees every so many frames; between them masks are carried
+  double period = 0.1;          ///< seconds from one frame that it sees to the next where `every` is 0
   bool keep = true;             ///< refine by depth and carry what the network misses
   std::filesystem::path cache;  ///< folder that keeps the network's masks between runs; empty: none
 };
@@ -48,9 +49,13 @@ class FrameSegmenter {
   [[nodiscard]] const OnnxSegmenter& segmenter() const { return segmenter_; }
 
  private:
+  /// Whether the network sees a frame.
+  [[nodiscard]] bool due(const RgbdFrame& frame, std::size_t index) const;
+
   FrameSegmenterOptions options_;
   OnnxSegmenter segmenter_;
   MaskKeeper keeper_;
+  std::optional<double> asked_;                // time of the last frame that the network saw [s]
   std::shared_ptr<const EarlierLabels> seen_;  // of the last frame that the network saw
   std::unique_ptr<MaskCache> cache_;
 };
