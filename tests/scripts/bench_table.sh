@@ -1,8 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# scripts/bench-table.py: a table of some runs, and an earlier table that keeps the rows of what was not run.
+# scripts/bench-table.py: a table of some runs, and an earlier table that keeps the rows of what was not run. Ends with
+# 77 (skipped) where python3 is missing.
 set -euo pipefail
+command -v python3 > /dev/null || { echo "python3 is missing"; exit 77; }
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

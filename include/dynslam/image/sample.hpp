@@ -2,8 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <optional>
+#include <type_traits>
 
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/concepts/scalar.hpp"
@@ -17,18 +20,41 @@ struct Sample {
   Eigen::Matrix<S, 2, 1> gradient;
 };
 
+namespace detail {
+template <Scalar S>
+[[nodiscard]] auto without_derivative(const S& x) {
+  if constexpr (std::floating_point<S>) {
+    return x;
+  } else {
+    return to_double(x);
+  }
+}
+/// A number as an S, without a detour over double where S needs none.
+template <Scalar S, class T>
+[[nodiscard]] S as_scalar(const T& value) {
+  if constexpr (std::floating_point<S>) {
+    return static_cast<S>(value);
+  } else {
+    return S(static_cast<double>(value));
+  }
+}
+}  // namespace detail
+
 /// Bilinear value and gradient at (u, v); exact at pixel centres. The gradient is that of the
 /// interpolant of the cell to the right and below (to the left and above on the last column and row).
 /// nullopt outside [0, width-1] x [0, height-1] and for NaN coordinates.
 template <Scalar S, ImageLike I>
 [[nodiscard]] std::optional<Sample<S>> bilinear_with_gradient(const I& image, const S& u, const S& v) {
+  // Which cell it is does not depend on a derivative.
+  using Place = std::conditional_t<std::floating_point<S>, S, double>;
+  const Place x = detail::without_derivative(u), y = detail::without_derivative(v);
   const int w = image.width(), h = image.height();
-  const double x = to_double(u), y = to_double(v);  // which cell it is does not depend on a derivative
-  if (!(x >= 0 && y >= 0 && x <= w - 1 && y <= h - 1) || w < 2 || h < 2) return std::nullopt;
-  const int u0 = x >= w - 1 ? w - 2 : static_cast<int>(x);
-  const int v0 = y >= h - 1 ? h - 2 : static_cast<int>(y);
-  const S one(1.0), a = u - S(static_cast<double>(u0)), b = v - S(static_cast<double>(v0));
-  const auto pixel = [&](int i, int j) { return S(static_cast<double>(image(i, j))); };
+  if (!(x >= 0 && y >= 0 && x <= static_cast<Place>(w - 1) && y <= static_cast<Place>(h - 1)) || w < 2 ||
+      h < 2)
+    return std::nullopt;
+  const int u0 = std::min(static_cast<int>(x), w - 2), v0 = std::min(static_cast<int>(y), h - 2);
+  const S one(1.0), a = u - detail::as_scalar<S>(u0), b = v - detail::as_scalar<S>(v0);
+  const auto pixel = [&](int i, int j) { return detail::as_scalar<S>(image(i, j)); };
   const S i00 = pixel(u0, v0), i10 = pixel(u0 + 1, v0), i01 = pixel(u0, v0 + 1), i11 = pixel(u0 + 1, v0 + 1);
   const S top = (one - a) * i00 + a * i10, bottom = (one - a) * i01 + a * i11;
   Sample<S> sample;
