@@ -54,11 +54,7 @@ class HalvingPyramid {
       T* out = base.row(v);
       if constexpr (RowImage<I>) {
         const auto* row = image.row(v);
-        if constexpr (std::is_same_v<typename I::Pixel, T>) {
-          std::copy_n(row, image.width(), out);
-        } else {
-          std::transform(row, row + image.width(), out, [](const auto& p) { return static_cast<T>(p); });
-        }
+        std::transform(row, row + image.width(), out, [](const auto& p) { return static_cast<T>(p); });
       } else {
         for (int u = 0; u < image.width(); ++u) out[u] = static_cast<T>(image(u, v));
       }

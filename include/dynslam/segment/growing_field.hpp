@@ -28,13 +28,14 @@ struct NoBarrier {
   [[nodiscard]] std::uint8_t operator()(int, int) const { return 0; }
 };
 
-/// 64 pixels of a row, a bit each.
+/// 64 pixels, a bit each.
 struct GrowingWord {
-  std::uint64_t open = 0;  ///< may be entered: valid, in front of the barrier, not taken
-  std::uint64_t joined =
-      ~std::uint64_t{0};  ///< open, and so is the pixel to the right, which one may step to
-  /// Nobody has looked at the pixels yet: what is joined would be open.
-  [[nodiscard]] bool unseen() const { return (joined & ~open) != 0; }
+  std::uint64_t open;    ///< may be entered: valid, in front of the barrier, not taken
+  std::uint64_t joined;  ///< open, and so is the pixel to the right, which one may step to
+};
+/// Those of an image, row by row. What nobody has looked at yet has joined pixels that are not open.
+struct GrowingWords {
+  std::vector<std::uint64_t> open, joined;
 };
 
 /// The depth image as growing sees it: runs of pixels between which it may step, found when they are asked
@@ -44,8 +45,7 @@ class GrowingField {
  public:
   /// Refers to all of them.
   /// @param words  memory
-  GrowingField(const D& depth, const Barrier& barrier, const Criterion& criterion,
-               std::vector<GrowingWord>& words)
+  GrowingField(const D& depth, const Barrier& barrier, const Criterion& criterion, GrowingWords& words)
       : depth_(depth),
         barrier_(barrier),
         criterion_(criterion),
@@ -53,11 +53,13 @@ class GrowingField {
         width_(depth.width()),
         height_(depth.height()),
         stride_(words_of_row(width_)) {
-    words_.assign(stride_ * static_cast<std::size_t>(height_), GrowingWord{});
+    const std::size_t n = stride_ * static_cast<std::size_t>(height_);
+    words_.open.assign(n, 0);
+    words_.joined.assign(n, ~std::uint64_t{0});
   }
 
   /// Whether a pixel may be entered and was not yet.
-  [[nodiscard]] bool open(int u, int v) { return (word(u, v).open >> bit_of(u) & 1) != 0; }
+  [[nodiscard]] bool open(int u, int v) { return (words_.open[seen(u, v)] >> bit_of(u) & 1) != 0; }
 
   /// Takes everything that an open pixel reaches, and appends it. @return pixels
   template <Connectivity connectivity>
@@ -92,17 +94,24 @@ class GrowingField {
 
   [[nodiscard]] static int bit_of(int u) { return u & (kWordPixels - 1); }
 
-  GrowingWord& word(int u, int v) {
-    GrowingWord& w =
-        words_[static_cast<std::size_t>(v) * stride_ + static_cast<std::size_t>(u) / kWordPixels];
-    if (w.unseen()) w = look(u - bit_of(u), v);
-    return w;
+  [[nodiscard]] std::size_t index(int u, int v) const {
+    return static_cast<std::size_t>(v) * stride_ + static_cast<std::size_t>(u) / kWordPixels;
+  }
+  /// Index of a pixel's word, which is looked at if it was not yet.
+  std::size_t seen(int u, int v) {
+    const std::size_t k = index(u, v);
+    if ((words_.joined[k] & ~words_.open[k]) != 0) {
+      const GrowingWord word = look(u - bit_of(u), v);
+      words_.open[k] = word.open;
+      words_.joined[k] = word.joined;
+    }
+    return k;
   }
 
   /// The first open pixel of [u, end), or end.
   int next_open(int u, int v, int end) {
     for (; u < end; u += kWordPixels - bit_of(u)) {
-      const std::uint64_t bits = word(u, v).open >> bit_of(u);
+      const std::uint64_t bits = words_.open[seen(u, v)] >> bit_of(u);
       if (bits != 0) return std::min(end, u + std::countr_zero(bits));
     }
     return end;
@@ -113,13 +122,13 @@ class GrowingField {
     PixelRun run{v, u, u + 1};
     while (run.begin > 0) {
       const int at = run.begin - 1, before = bit_of(at);  // of the pixels before it in its word
-      const int n = std::countl_one(word(at, v).joined << (kWordPixels - 1 - before));
+      const int n = std::countl_one(words_.joined[seen(at, v)] << (kWordPixels - 1 - before));
       run.begin -= n;
       if (n <= before) break;
     }
     for (;;) {
       const int at = run.end - 1, before = bit_of(at);
-      const int n = std::countr_one(word(at, v).joined >> before);
+      const int n = std::countr_one(words_.joined[seen(at, v)] >> before);
       run.end += n;
       if (n < kWordPixels - before) break;
     }
@@ -130,9 +139,9 @@ class GrowingField {
     for (int u = run.begin; u < run.end; u += kWordPixels - bit_of(u)) {
       const int from = bit_of(u), n = std::min(run.end - u, kWordPixels - from);
       const std::uint64_t rest = ~(~std::uint64_t{0} >> (kWordPixels - n) << from);
-      GrowingWord& w = word(u, run.v);
-      w.open &= rest;
-      w.joined &= rest;
+      const std::size_t k = index(u, run.v);
+      words_.open[k] &= rest;
+      words_.joined[k] &= rest;
     }
   }
 
@@ -212,18 +221,20 @@ class GrowingField {
   /// Whether 16 pixels are valid and joined, and with the next one if it is valid: from a valid depth the
   /// criterion steps to finite ones alone.
   [[nodiscard]] bool all_joined(Depths z) const {
-    typename DepthLanes<S>::Mask all = valid_lanes<S>(load_lanes(z));
+    auto nearest = load_lanes(z);
+    typename DepthLanes<S>::Mask all = valid_lanes<S>(nearest);
     for (int i = 0; i < kPartPixels; i += DepthLanes<S>::kCount) {
       const auto here = load_lanes(z + i);
-      all &= (here > S(0)) & criterion_.lanes(here, load_lanes(z + i + 1));
+      nearest = smaller(nearest, here);
+      all &= criterion_.lanes(here, load_lanes(z + i + 1));
     }
-    return bits_of_lanes<S>(all) == (1U << DepthLanes<S>::kCount) - 1;
+    return bits_of_lanes<S>(all & (nearest > S(0))) == (1U << DepthLanes<S>::kCount) - 1;
   }
 
   const D& depth_;
   const Barrier& barrier_;
   const Criterion& criterion_;
-  std::vector<GrowingWord>& words_;
+  GrowingWords& words_;
   int width_, height_;
   std::size_t stride_;
 };

@@ -44,14 +44,15 @@ void widen_window(int window, Step&& step) {
   }
 }
 
-/// bits[i] |= bits[i + shift], in place; bits beyond the row are 0.
-inline void or_bits(std::vector<std::uint64_t>& row, int shift) {
-  const std::size_t n = row.size(), words = static_cast<std::size_t>(shift) / kWordPixels;
+/// bits[i] |= bits[i + shift] in n words, in place; bits beyond them, of which as many are read, are 0.
+inline void or_bits(std::uint64_t* row, std::size_t n, int shift) {
+  const std::size_t words = static_cast<std::size_t>(shift) / kWordPixels;
   const int part = shift % kWordPixels;
-  for (std::size_t k = 0; k + words < n; ++k) {
-    std::uint64_t other = row[k + words] >> part;
-    if (part != 0 && k + words + 1 < n) other |= row[k + words + 1] << (kWordPixels - part);
-    row[k] |= other;
+  if (words == 0) {  // by 1 to 63; of a distance that compilers know
+    for (std::size_t k = 0; k < n; ++k) row[k] |= row[k] >> part | row[k + 1] << (kWordPixels - part);
+  } else {
+    for (std::size_t k = 0; k < n; ++k)
+      row[k] |= row[k + words] >> part | (part == 0 ? 0 : row[k + words + 1] << (kWordPixels - part));
   }
 }
 
@@ -85,14 +86,16 @@ void morphology(const In& in, Out& out, int radius, bool grow, MaskWorkspace& wo
   auto& rows = workspace.rows;
   rows.assign(static_cast<std::size_t>(h) * words + 2 * rim, 0);
   workspace.next_rows.resize(rows.size());
-  workspace.line.resize(words_of_row(w + 2 * radius));
+  const std::size_t padded = words_of_row(w + 2 * radius);
+  workspace.line.resize(2 * padded + 1);
   for (int v = 0; v < h; ++v) {
     std::uint64_t* row = rows.data() + rim + static_cast<std::size_t>(v) * words;
     row_to_bits(image_row(in, v), w, row);
     for (std::size_t k = 0; k < words; ++k) row[k] ^= flip;
     row[words - 1] &= last_word(w);
+    if (std::all_of(row, row + words, [](std::uint64_t word) { return word == 0; })) continue;
     move_bits(row, words, radius, workspace.line);
-    widen_window(2 * radius + 1, [&](int shift) { or_bits(workspace.line, shift); });
+    widen_window(2 * radius + 1, [&](int shift) { or_bits(workspace.line.data(), padded, shift); });
     std::copy_n(workspace.line.begin(), words, row);
   }
   std::size_t n = rows.size();

@@ -85,24 +85,38 @@ void row_to_bits(const Row& row, int w, std::uint64_t* bits) {
     *bits++ = nonzero_bits(row, u, w - u < kWordPixels ? w - u : kWordPixels);
 }
 
+/// Sets the pixels [begin, end) of a row.
+template <class Row, class Pixel>
+void fill_row(Row& row, int begin, int end, Pixel value) {
+  if constexpr (std::is_pointer_v<Row>) {
+    std::fill(row + begin, row + end, value);
+  } else {
+    for (int u = begin; u < end; ++u) row[u] = value;
+  }
+}
+
 /// Writes `set` where a bit is set and 0 elsewhere, a whole row of w pixels.
 template <class Pixel, class Row>
-void bits_to_row(const std::uint64_t* bits, int w, Pixel set, Row&& row) {
+void bits_to_row(const std::uint64_t* bits, int w, Pixel set, Row row) {
+  constexpr bool kBytes =
+      std::is_pointer_v<Row> && sizeof(Pixel) == 1 && std::endian::native == std::endian::little;
   for (int u = 0; u < w; u += kWordPixels) {
     const std::uint64_t word = *bits++;
     const int n = w - u < kWordPixels ? w - u : kWordPixels;
     if (word == 0 || ~word == 0) {  // most of what surfaces are
-      const Pixel all = word == 0 ? Pixel(0) : set;
-      for (int i = 0; i < n; ++i) row[u + i] = all;
-      continue;
+      fill_row(row, u, u + n, word == 0 ? Pixel(0) : set);
+    } else if (kBytes && n == kWordPixels) {
+      if constexpr (kBytes) {
+        for (int k = 0; k < kWordPixels; k += 8) {
+          // Bit i, alone in byte i, is carried to the byte's highest bit, and makes the byte 1.
+          std::uint64_t bytes = (word >> k & 0xff) * 0x0101010101010101U & 0x8040201008040201U;
+          bytes = ((bytes + 0x7f7f7f7f7f7f7f7fU) >> 7 & 0x0101010101010101U) * static_cast<std::uint8_t>(set);
+          std::memcpy(row + u + k, &bytes, 8);
+        }
+      }
+    } else {
+      for (int i = 0; i < n; ++i) row[u + i] = (word >> i & 1) != 0 ? set : Pixel(0);
     }
-    std::array<std::uint8_t, kWordPixels> on;
-    for (std::size_t k = 0; k < kWordPixels; k += 8) {
-      const auto byte = static_cast<std::uint8_t>(word >> k);
-      for (std::size_t i = 0; i < 8; ++i) on[k + i] = byte;
-    }
-    for (std::size_t i = 0; i < kWordPixels; ++i) on[i] = static_cast<std::uint8_t>(on[i] & (1U << (i % 8)));
-    for (int i = 0; i < n; ++i) row[u + i] = on[static_cast<std::size_t>(i)] != 0 ? set : Pixel(0);
   }
 }
 
@@ -133,11 +147,7 @@ void for_runs(const std::uint64_t* bits, int w, const F& f) {
 template <class I, class Pixel>
 void fill_run(I& image, PixelRun run, Pixel value) {
   auto row = image_row(image, run.v);
-  if constexpr (std::is_pointer_v<decltype(row)>) {
-    std::fill(row + run.begin, row + run.end, value);
-  } else {
-    for (int u = run.begin; u < run.end; ++u) row[u] = value;
-  }
+  fill_row(row, run.begin, run.end, value);
 }
 }  // namespace detail
 

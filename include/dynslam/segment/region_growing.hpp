@@ -56,7 +56,7 @@ struct RegionGrowingWorkspace {
     std::size_t size;         ///< pixels
     std::int64_t first;       ///< its first pixel, row by row; computed where it decides
   };
-  std::vector<detail::GrowingWord> words;
+  detail::GrowingWords words;
   std::vector<PixelRun> runs;  ///< of the regions, one after the other
   std::vector<Region> regions;
 };
