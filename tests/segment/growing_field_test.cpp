@@ -89,7 +89,9 @@ template <class Kind, class S, class Criterion>
 void compare(test::Rng& rng, const Criterion& criterion) {
   RegionGrowingWorkspace ws;
   int kept = 0;
-  for (const auto& [w, h, noise] : kCases) {
+  for (const Case& one : kCases) {
+    const int w = one.w, h = one.h;
+    const double noise = one.noise;
     const auto depth = random_depth<S>(rng, w, h, noise);
     Image<std::uint8_t> barrier(w, h);
     const bool closes = rng.chance(0.5);
@@ -182,7 +184,9 @@ TEST_CASE("completing surfaces equals counting them pixel by pixel") {
   RegionGrowingWorkspace ws;
   const FixedStep<float> step{0.03F};
   std::size_t added = 0;
-  for (const auto& [w, h, noise] : kCases) {
+  for (const Case& one : kCases) {
+    const int w = one.w, h = one.h;
+    const double noise = one.noise;
     const auto depth = random_depth<float>(rng, w, h, noise);
     Image<std::uint8_t> mask(w, h), nothing(w, h);
     for (int v = 0; v < h; ++v) {

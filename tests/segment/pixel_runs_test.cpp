@@ -75,8 +75,9 @@ TEST_CASE(
       }
     }
   };
-  for (const auto& [w, h] :
+  for (const auto& size :
        {std::pair{1, 90}, std::pair{90, 1}, std::pair{64, 9}, std::pair{65, 11}, std::pair{150, 40}}) {
+    const int w = size.first, h = size.second;
     for (const double density : {0.05, 0.4, 0.6, 0.95}) {
       CAPTURE(w);
       CAPTURE(h);
@@ -119,7 +120,8 @@ TEST_CASE(
 TEST_CASE("dilation and erosion across words equal brute force") {
   test::Rng rng("morphology of words");
   MaskWorkspace ws;
-  for (const auto& [w, h] : {std::pair{63, 4}, std::pair{64, 5}, std::pair{65, 6}, std::pair{200, 7}}) {
+  for (const auto& size : {std::pair{63, 4}, std::pair{64, 5}, std::pair{65, 6}, std::pair{200, 7}}) {
+    const int w = size.first, h = size.second;
     for (const int radius : {1, 2, 31, 32, 64, 70}) {
       Image<std::uint8_t> in(w, h), grown(w, h), shrunk(w, h);
       for (int i = 0; i < w * h; ++i) in.data()[i] = rng.chance(radius < 9 ? 0.2 : 0.002) ? 1 : 0;
