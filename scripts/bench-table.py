@@ -1,11 +1,15 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""bench-table.py BUILD.TXT RUN.JSON... > docs/benchmarks.md
+"""bench-table.py [--keep TABLE.MD] BUILD.TXT RUN.JSON... > docs/benchmarks.md
 
 Makes a table of ratios from runs of Google Benchmark. A case is named family/case/scalar/who; whoever has all but the
 last part in common is compared with `dynslam`, by the CPU time of the medians. `dynslam_...` are further ways of ours,
 among which a loss is none.
+
+--keep TABLE.MD  the rows of an earlier table stay where none of the runs has a case of their family; only if it was
+                 made on the same processor, by the same compiler and with the same libraries
 """
+import argparse
 import json
 import platform
 import re
@@ -61,11 +65,14 @@ def per_item(b):
     return f"{b['INSTRUCTIONS'] / items:.3g}"
 
 
+HEAD = ["case", "scalar", OURS, "rival", "its time", "ratio"]
+COUNTED = "instructions per element"
+MEMORY_HEAD = ["case", "scalar", "who", "GB/s"]
+
+
 def table(groups):
-    counted = any("INSTRUCTIONS" in b for members in groups.values() for b in members.values())
-    head = ["case", "scalar", OURS, "rival", "its time", "ratio"] + (["instructions per element"] if counted else [])
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    losses = 0
+    """Rows of HEAD and COUNTED."""
+    rows = []
     for group in sorted(groups):
         members = groups[group]
         parts = group.split("/")
@@ -82,53 +89,101 @@ def table(groups):
             else:
                 ratio = members[who]["ns"] / ours["ns"]
                 lost = ratio < 1 and not who.startswith(OURS + "_")
-                losses += lost
                 row += [who, time_text(members[who]["ns"]), f"**{ratio:.2f}**" if lost else f"{ratio:.2f}"]
-            if counted:
-                row.append(per_item(ours))
-            lines.append("| " + " | ".join(row) + " |")
-    return lines, losses
+            rows.append(row + [per_item(ours)])
+    return rows
 
 
 def memory_table(groups):
-    copies = [(members["memcpy"]["bytes_per_second"], group) for group, members in groups.items()
-              if "memcpy" in members and "bytes_per_second" in members["memcpy"]]
-    if not copies:
-        return []
-    lines = ["", "## Bytes per second", "",
-             "Read and written, of kernels that memory may bound, beside copies (memcpy) of three sizes.", "",
-             "| case | scalar | who | GB/s |", "|---|---|---|---|"]
-    for group in sorted(groups, key=lambda g: (not g.startswith("copy/"), g)):
+    """Rows of MEMORY_HEAD."""
+    rows = []
+    for group, members in groups.items():
         parts = group.split("/")
-        for who, b in sorted(groups[group].items()):
+        for who, b in members.items():
             if "bytes_per_second" in b and (who == OURS or group.startswith("copy/")):
-                lines.append(f"| {'/'.join(parts[:-1])} | {parts[-1]} | {who} | {b['bytes_per_second'] / 1e9:.2f} |")
-    return lines
+                rows.append(["/".join(parts[:-1]), parts[-1], who, f"{b['bytes_per_second'] / 1e9:.2f}"])
+    return rows
+
+
+def family(row):
+    return row[0].split("/")[0]
+
+
+def read_table(path):
+    """What an earlier table says of its machine and build, and its rows, as table() and memory_table() give them."""
+    made_with, rows, memory = [], [], []
+    with open(path, encoding="utf-8") as f:
+        for line in f:
+            if line.startswith("- "):
+                made_with.append(line[2:].rstrip())
+            if not line.startswith("| "):
+                continue
+            row = [cell.strip() for cell in line.strip().strip("|").split("|")]
+            if row[: len(HEAD)] == HEAD or row == MEMORY_HEAD:
+                continue
+            if len(row) == len(MEMORY_HEAD):
+                memory.append(row)
+            else:
+                rows.append((row + [""])[: len(HEAD) + 1])
+    return made_with, rows, memory
+
+
+def same_machine(made_with, header):
+    """Whether figures may stand in one table. How fast the cores run and what is counted may differ."""
+    def known(lines):
+        return [line.split(",")[0] if line.startswith("CPU:") else line for line in lines
+                if not line.startswith("Instructions")]
+    return known(made_with) == known(header)
+
+
+def markdown(head, rows):
+    return ["| " + " | ".join(row) + " |" for row in [head]] + ["|" + "---|" * len(head)] + \
+        ["| " + " | ".join(row) + " |" for row in rows]
 
 
 def main():
-    if len(sys.argv) < 3:
-        sys.exit(__doc__)
-    with open(sys.argv[1], encoding="utf-8") as f:
+    parser = argparse.ArgumentParser(usage=__doc__)
+    parser.add_argument("--keep")
+    parser.add_argument("build")
+    parser.add_argument("runs", nargs="+")
+    options = parser.parse_args()
+    with open(options.build, encoding="utf-8") as f:
         build = [line.rstrip() for line in f]
-    runs, context = read_runs(sys.argv[2:])
+    runs, context = read_runs(options.runs)
     groups = {}
     for name, b in runs.items():
         group, who = name.rsplit("/", 1)
         groups.setdefault(group, {})[who] = b
-    lines, losses = table({g: m for g, m in groups.items() if not g.startswith("copy/")})
+    rows = table({g: m for g, m in groups.items() if not g.startswith("copy/")})
+    memory = memory_table(groups)
+    header = [f"CPU: {cpu_name()}, {context.get('num_cpus', '?')} cores at {context.get('mhz_per_cpu', '?')} MHz"] + build
+    if options.keep:
+        made_with, old_rows, old_memory = read_table(options.keep)
+        if not same_machine(made_with, header):
+            sys.exit(f"{options.keep}: made on another machine or with another compiler or library than these runs; "
+                     "measure all anew")
+        anew = {group.split("/")[0] for group in groups}
+        rows += [row for row in old_rows if family(row) not in anew]
+        memory += [row for row in old_memory if family(row) not in anew]
+    rows.sort(key=lambda row: (row[0] + "/" + row[1], row[3]))
+    memory.sort(key=lambda row: (family(row) != "copy", row[0] + "/" + row[1], row[2]))
+    losses = sum("**" in row[5] for row in rows)
+    counted = any(row[6] for row in rows)
     print("# Benchmarks\n")
     print("Written by `scripts/bench.sh`; [bench/README.md](../bench/README.md) says how to run one and how to add one.")
     print("Times are CPU times of one thread, medians of repetitions. A ratio is the rival's time through ours: above 1")
     print(f"dynslam is faster; losses (in bold, {losses} of them) stay here. `dynslam_...` are other ways of its own to the same")
     print("answer. Every answer was checked before it was timed.\n")
-    print(f"- CPU: {cpu_name()}, {context.get('num_cpus', '?')} cores at {context.get('mhz_per_cpu', '?')} MHz")
-    for line in build:
+    for line in header:
         print(f"- {line}")
-    if not any("INSTRUCTIONS" in b for b in runs.values()):
+    if not counted:
         print("- Instructions per element: this machine counts none (`perf stat -e instructions`)")
     print()
-    print("\n".join(lines + memory_table(groups)))
+    print("\n".join(markdown(HEAD + [COUNTED], rows) if counted else markdown(HEAD, [row[:6] for row in rows])))
+    if any(family(row) == "copy" for row in memory):
+        print("\n## Bytes per second\n")
+        print("Read and written, of kernels that memory may bound, beside copies (memcpy) of three sizes.\n")
+        print("\n".join(markdown(MEMORY_HEAD, memory)))
 
 
 main()

@@ -8,7 +8,7 @@
 #
 #   --smoke         one short run of each case but the slow ones (bench/slow_cases.txt); nothing is written to docs/
 #   --filter REGEX  only cases that match (`pose_only`, `insertion/5cm.*octomap`); nothing is written to docs/
-#   --only REGEX    only executables that match (`optim_`); the table has them anew, the others as they were
+#   --only REGEX    only executables that match (`optim_`); the table has them anew, the others as they stand in it
 #   --no-build      the executables as they are
 #
 # Environment: DYNSLAM_DATA names recorded data; CPU the core (default: the last); REPETITIONS; MIN_TIME seconds of each.
@@ -64,7 +64,7 @@ fi
 
 out=build/bench
 mkdir -p "$out"
-failed=0
+failed=0 runs=()
 for executable in build/release/bench/*_bench; do
   name=$(basename "$executable")
   if [ -n "$only" ] && ! [[ $name =~ $only ]]; then continue; fi
@@ -72,6 +72,7 @@ for executable in build/release/bench/*_bench; do
   rm -f "$out/$name.json"
   "${pin[@]}" "$executable" "${options[@]}" --benchmark_out="$out/$name.json" 2> "$out/$name.log" |
     tee "$out/$name.txt"
+  runs+=("$out/$name.json")
   if grep -q 'ERROR OCCURRED' "$out/$name.txt"; then failed=$((failed + 1)); fi
 done
 
@@ -79,8 +80,11 @@ if [ "$failed" -gt 0 ]; then
   echo "bench.sh: $failed executables with wrong answers (ERROR OCCURRED above)" >&2
   exit 1
 fi
+[ "${#runs[@]}" -gt 0 ] || { echo "bench.sh: no executable matches '$only'" >&2; exit 2; }
 if [ -z "$smoke$filter" ]; then
-  python3 scripts/bench-table.py build/release/bench/build.txt "$out"/*.json > "$out/benchmarks.md"
+  keep=()
+  if [ -n "$only" ]; then keep=(--keep docs/benchmarks.md); fi
+  python3 scripts/bench-table.py "${keep[@]}" build/release/bench/build.txt "${runs[@]}" > "$out/benchmarks.md"
   cp "$out/benchmarks.md" docs/benchmarks.md
   echo "docs/benchmarks.md"
 fi

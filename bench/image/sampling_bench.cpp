@@ -51,15 +51,17 @@ template <class S, bool gradient>
 void warp(benchmark::State& state) {
   std::vector<S> value(places().size());
   std::vector<Eigen::Matrix<S, 2, 1>> slope(places().size());
+  const Image<std::uint8_t>& image = gray();
+  const std::vector<Eigen::Vector2f>& from = places();
   const auto run = [&] {
     for (std::size_t i = 0; i < value.size(); ++i) {
-      const S u = S(places()[i].x()), v = S(places()[i].y());
+      const S u = S(from[i].x()), v = S(from[i].y());
       if constexpr (gradient) {
-        const auto s = bilinear_with_gradient<S>(gray(), u, v);
+        const auto s = bilinear_with_gradient<S>(image, u, v);
         value[i] = s ? s->value : S(0);
         if (s) slope[i] = s->gradient;
       } else {
-        value[i] = bilinear<S>(gray(), u, v).value_or(S(0));
+        value[i] = bilinear<S>(image, u, v).value_or(S(0));
       }
     }
   };

@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Growing on a depth image of 640 x 480, beside a queue written for this one criterion and OpenCV's floodFill
-// with a fixed step (it knows no other): what the criterion as a parameter costs.
+// Growing on a depth image of 640 x 480: smooth, and as a sensor gives it, with noise and holes. Beside
+// OpenCV's floodFill where it knows the rule (a fixed step), and a queue written for the one rule that is
+// asked for.
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <span>
-#include <utility>
 #include <vector>
 
+#include "dynslam/image/image.hpp"
 #include "dynslam/segment/region_growing.hpp"
+#include "support/named.hpp"
+#include "support/rng.hpp"
 
 #ifdef DYNSLAM_BENCH_OPENCV
 #include <opencv2/imgproc.hpp>
@@ -20,100 +24,158 @@ namespace {
 using namespace dynslam;
 
 constexpr int kWidth = 640, kHeight = 480;
-constexpr float kStep = 0.03F;
+enum class Surface { smooth, measured };
 
-/// A wave of depths before a wall: one region of 60 % of the image, another one around it.
-const Image<float>& depth() {
-  static const Image<float> image = [] {
-    Image<float> out(kWidth, kHeight, 4.0F);
-    for (int v = 48; v < 432; ++v) {
-      for (int u = 80; u < 560; ++u)
-        out(u, v) =
-            2.0F + 0.1F * std::sin(0.05F * static_cast<float>(u)) * std::cos(0.07F * static_cast<float>(v));
+/// A wave of depths before a wall: one region of 60 % of the image, another one around it. Measured: with
+/// noise, of which a part is more than a step, and holes.
+template <class S>
+const Image<S>& depth(Surface surface) {
+  static const auto make = [](bool measured) {
+    bench::Random random(3);
+    Image<S> out(kWidth, kHeight, S(4));
+    for (int v = 0; v < kHeight; ++v) {
+      for (int u = 0; u < kWidth; ++u) {
+        if (v >= 48 && v < 432 && u >= 80 && u < 560)
+          out(u, v) = S(2.0 + 0.1 * std::sin(0.05 * u) * std::cos(0.07 * v));
+        if (!measured) continue;
+        out(u, v) += S(0.004 * random.normal());
+        if (random.uniform(0, 1) < 0.003) out(u, v) += S(0.1);
+        if (u % 97 < 7 && v % 61 < 11) out(u, v) = S(0);
+      }
     }
     return out;
-  }();
-  return image;
+  };
+  static const Image<S> smooth = make(false), measured = make(true);
+  return surface == Surface::smooth ? smooth : measured;
 }
 const std::vector<PixelIndex> kSeeds{{320, 240}};
 
-RegionGrowingOptions all() {
-  RegionGrowingOptions options;
-  options.max_region_fraction = options.max_total_fraction = 1;
-  return options;
-}
-constexpr std::size_t kPixels = 480 * 384;
-
-template <class Criterion>
-void grow(benchmark::State& state, const Criterion& criterion) {
-  Image<std::uint8_t> mask(kWidth, kHeight);
-  RegionGrowingWorkspace workspace;
-  const auto options = all();
-  for (auto _ : state) {
-    const auto result =
-        grow_regions(depth(), std::span<const PixelIndex>(kSeeds), criterion, options, mask, workspace);
-    if (result.pixels != kPixels) state.SkipWithError("another region");
-    benchmark::DoNotOptimize(mask.data());
+/// As one writes it for one rule.
+template <class S, class Step>
+std::size_t queue_fill(const Image<S>& depth, const Step& may_step, std::vector<std::uint8_t>& mask,
+                       std::vector<int>& queue) {
+  mask.assign(kWidth * kHeight, 0);
+  queue.assign(1, 240 * kWidth + 320);
+  mask[240 * kWidth + 320] = 255;
+  const S* z = depth.data();
+  for (std::size_t head = 0; head < queue.size(); ++head) {
+    const int i = queue[head], u = i % kWidth, v = i / kWidth;
+    const auto visit = [&](int j) {
+      if (mask[static_cast<std::size_t>(j)] != 0 || !(z[j] > 0) || !may_step(z[i], z[j])) return;
+      mask[static_cast<std::size_t>(j)] = 255;
+      queue.push_back(j);
+    };
+    if (u > 0) visit(i - 1);
+    if (u + 1 < kWidth) visit(i + 1);
+    if (v > 0) visit(i - kWidth);
+    if (v + 1 < kHeight) visit(i + kWidth);
   }
+  return queue.size();
 }
-void relative_step(benchmark::State& state) {
-  grow(state, RelativeStep<float>{0.02F, 0.005F});
-}
-void fixed_step(benchmark::State& state) {
-  grow(state, FixedStep<float>{kStep});
-}
-void same_label(benchmark::State& state) {
-  const Image<std::uint8_t> labels(kWidth, kHeight, 1);
-  grow(state, SameLabelStep(labels, RelativeStep<float>{0.02F, 0.005F}));
-}
-BENCHMARK(relative_step)->Name("region_growing/relative_step/float/dynslam")->Unit(benchmark::kMicrosecond);
-BENCHMARK(fixed_step)->Name("region_growing/fixed_step/float/dynslam")->Unit(benchmark::kMicrosecond);
-BENCHMARK(same_label)->Name("region_growing/same_label/float/dynslam")->Unit(benchmark::kMicrosecond);
+template <class S>
+constexpr auto kRelative = [](S a, S b) {
+  const S nearer = std::min(a, b);
+  return std::abs(a - b) < S(0.02) + S(0.005) * nearer * nearer;
+};
+template <class S>
+constexpr auto kFixed = [](S a, S b) { return std::abs(a - b) < S(0.03); };
 
-void plain_queue(benchmark::State& state) {
-  std::vector<std::uint8_t> mask(kWidth * kHeight);
+template <class S, class Step>
+void plain_queue(benchmark::State& state, Surface surface, const Step& step) {
+  std::vector<std::uint8_t> mask;
   std::vector<int> queue;
   for (auto _ : state) {
-    std::fill(mask.begin(), mask.end(), std::uint8_t{0});
-    queue.assign(1, 240 * kWidth + 320);
-    mask[240 * kWidth + 320] = 255;
-    const float* z = depth().data();
-    for (std::size_t head = 0; head < queue.size(); ++head) {
-      const int i = queue[head], u = i % kWidth, v = i / kWidth;
-      const auto visit = [&](int j) {
-        if (mask[static_cast<std::size_t>(j)] != 0 || !(z[j] > 0)) return;
-        const float nearer = std::min(z[i], z[j]);
-        if (!(std::abs(z[i] - z[j]) < 0.02F + 0.005F * nearer * nearer)) return;
-        mask[static_cast<std::size_t>(j)] = 255;
-        queue.push_back(j);
-      };
-      if (u > 0) visit(i - 1);
-      if (u + 1 < kWidth) visit(i + 1);
-      if (v > 0) visit(i - kWidth);
-      if (v + 1 < kHeight) visit(i + kWidth);
-    }
-    if (queue.size() != kPixels) state.SkipWithError("another region");
-    benchmark::DoNotOptimize(mask.data());
+    benchmark::DoNotOptimize(queue_fill(depth<S>(surface), step, mask, queue));
+    benchmark::ClobberMemory();
   }
 }
-BENCHMARK(plain_queue)->Name("region_growing/relative_step/float/queue")->Unit(benchmark::kMicrosecond);
+
+/// @param plain  the same rule, for the queue that tells the right answer
+/// @param limit  share of the image beyond which a region is dropped; below 1 what is valid has to be counted
+template <class S, class Criterion, class Step>
+void grow(benchmark::State& state, Surface surface, const Criterion& criterion, const Step& plain,
+          double limit = 1) {
+  Image<std::uint8_t> mask(kWidth, kHeight);
+  RegionGrowingWorkspace workspace;
+  RegionGrowingOptions options;
+  options.max_region_fraction = options.max_total_fraction = limit;
+  const auto& image = depth<S>(surface);
+  const auto run = [&] {
+    return grow_regions(image, std::span<const PixelIndex>(kSeeds), criterion, options, mask, workspace);
+  };
+  std::vector<std::uint8_t> expected;
+  std::vector<int> queue;
+  if (run().pixels != queue_fill(image, plain, expected, queue) ||
+      !std::equal(expected.begin(), expected.end(), mask.data())) {
+    state.SkipWithError("another region than the queue's");
+    return;
+  }
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(run().pixels);
+    benchmark::ClobberMemory();
+  }
+  state.counters["pixels"] = static_cast<double>(queue.size());
+}
 
 #ifdef DYNSLAM_BENCH_OPENCV
-void opencv_flood_fill(benchmark::State& state) {
+void opencv_flood_fill(benchmark::State& state, Surface surface) {
   cv::setNumThreads(1);
-  const cv::Mat image(kHeight, kWidth, CV_32FC1, const_cast<float*>(depth().data()));
-  cv::Mat mask;
+  cv::Mat image(kHeight, kWidth, CV_32FC1, const_cast<float*>(depth<float>(surface).data()));
+  cv::Mat mask(kHeight + 2, kWidth + 2, CV_8UC1);
+  const auto run = [&] {
+    mask.setTo(0);
+    return cv::floodFill(image, mask, {320, 240}, {}, nullptr, 0.03, 0.03,
+                         4 | cv::FLOODFILL_MASK_ONLY | 255 << 8);
+  };
+  run();
+  std::vector<std::uint8_t> expected;
+  std::vector<int> queue;
+  queue_fill(depth<float>(surface), kFixed<float>, expected, queue);
+  const cv::Mat truth(kHeight, kWidth, CV_8UC1, expected.data());
+  if (cv::countNonZero(mask({1, 1, kWidth, kHeight}) != truth) != 0) {
+    state.SkipWithError("another region than the queue's");
+    return;
+  }
   for (auto _ : state) {
-    mask = cv::Mat::zeros(kHeight + 2, kWidth + 2, CV_8UC1);
-    cv::Mat unchanged = image;
-    const int pixels = cv::floodFill(unchanged, mask, {320, 240}, {}, nullptr, static_cast<double>(kStep),
-                                     static_cast<double>(kStep), 4 | cv::FLOODFILL_MASK_ONLY | 255 << 8);
-    if (static_cast<std::size_t>(pixels) != kPixels) state.SkipWithError("another region");
-    benchmark::DoNotOptimize(mask.data);
+    benchmark::DoNotOptimize(run());
+    benchmark::ClobberMemory();
   }
 }
-BENCHMARK(opencv_flood_fill)->Name("region_growing/fixed_step/float/opencv")->Unit(benchmark::kMicrosecond);
 #endif
+
+template <class S>
+void add_all() {
+  using benchmark::State;
+  const char* scalar = bench::kScalarName<S>;
+  const RelativeStep<S> relative{S(0.02), S(0.005)};
+  const FixedStep<S> fixed{S(0.03)};
+  static const Image<std::uint8_t> labels(kWidth, kHeight, 1);
+  for (const Surface surface : {Surface::smooth, Surface::measured}) {
+    const std::string name = surface == Surface::smooth ? "" : "_measured";
+    const auto add = [&](const char* what, const char* who, auto f) {
+      bench::add("region_growing/" + (what + name), scalar, who, f);
+    };
+    add("relative_step", "dynslam", [=](State& s) { grow<S>(s, surface, relative, kRelative<S>); });
+    add("relative_step", "queue", [=](State& s) { plain_queue<S>(s, surface, kRelative<S>); });
+    add("fixed_step", "dynslam", [=](State& s) { grow<S>(s, surface, fixed, kFixed<S>); });
+    add("fixed_step", "queue", [=](State& s) { plain_queue<S>(s, surface, kFixed<S>); });
+    add("fixed_step_with_limit", "dynslam", [=](State& s) { grow<S>(s, surface, fixed, kFixed<S>, 0.9); });
+    add("same_label", "dynslam",
+        [=](State& s) { grow<S>(s, surface, SameLabelStep(labels, relative), kRelative<S>); });
+#ifdef DYNSLAM_BENCH_OPENCV
+    if constexpr (std::is_same_v<S, float>) {
+      add("fixed_step", "opencv", [=](State& s) { opencv_flood_fill(s, surface); });
+      add("fixed_step_with_limit", "opencv", [=](State& s) { opencv_flood_fill(s, surface); });
+    }
+#endif
+  }
+}
+
+const bool registered = [] {
+  add_all<float>();
+  add_all<double>();
+  return true;
+}();
 
 }  // namespace
 

@@ -14,7 +14,9 @@ namespace dynslam {
 /// The one validity rule for depth: finite and positive [m].
 template <std::floating_point S>
 [[nodiscard]] constexpr bool is_valid_depth(S z) {
-  return z > S(0) && z <= std::numeric_limits<S>::max();
+  // Both are asked without a branch, so that loops over pixels may be of vectors.
+  const bool positive = z > S(0), finite = z <= std::numeric_limits<S>::max();
+  return positive & finite;
 }
 
 /// Raw sensor units to metres: out = raw / units_per_metre, 0 becomes NaN. Calculated in S; both images need

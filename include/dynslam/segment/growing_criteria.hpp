@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <concepts>
 
 #include "dynslam/concepts/image.hpp"
+#include "dynslam/segment/depth_lanes.hpp"
 
 namespace dynslam {
 
@@ -32,6 +32,15 @@ concept SiteCriterion = requires(const C& criterion, const GrowingSite<S>& from,
 template <class C, class S>
 concept GrowingCriterion = DepthCriterion<C, S> || SiteCriterion<C, S>;
 
+/// A criterion by depths that may be asked about several pairs at once, which is faster: `lanes(from, to)`
+/// takes what calculates and compares as numbers do, vectors or numbers, and gives what a comparison of them
+/// gives. Here depths may be invalid ones; from or to NaN and infinity there is no step.
+template <class C, class S>
+concept LaneCriterion = DepthCriterion<C, S> &&
+    requires(const C& criterion, const typename detail::DepthLanes<S>::Vector& z) {
+  { criterion.lanes(z, z) } -> std::convertible_to<typename detail::DepthLanes<S>::Mask>;
+};
+
 /// The answer of either kind of criterion.
 template <std::floating_point S, GrowingCriterion<S> C>
 [[nodiscard]] bool may_step(const C& criterion, const GrowingSite<S>& from, const GrowingSite<S>& to) {
@@ -46,7 +55,11 @@ template <std::floating_point S, GrowingCriterion<S> C>
 template <std::floating_point S>
 struct FixedStep {
   S step = S(0.05);
-  [[nodiscard]] bool operator()(S from, S to) const { return std::abs(from - to) < step; }
+  [[nodiscard]] bool operator()(S from, S to) const { return lanes(from, to); }
+  template <class V>
+  [[nodiscard]] auto lanes(const V& from, const V& to) const {
+    return detail::magnitude<V>(from - to) < step;
+  }
 };
 
 /// A step that grows with the sensor's noise: |dz| < base + quad * z^2, z being the smaller depth.
@@ -54,9 +67,11 @@ template <std::floating_point S>
 struct RelativeStep {
   S base = S(0.02);   ///< [m]
   S quad = S(0.005);  ///< [1/m]
-  [[nodiscard]] bool operator()(S from, S to) const {
-    const S z = std::min(from, to);
-    return std::abs(from - to) < base + quad * z * z;
+  [[nodiscard]] bool operator()(S from, S to) const { return lanes(from, to); }
+  template <class V>
+  [[nodiscard]] auto lanes(const V& from, const V& to) const {
+    const V z = detail::smaller(from, to);
+    return detail::magnitude<V>(from - to) < base + quad * z * z;
   }
 };
 

@@ -14,6 +14,7 @@
 #include "dynslam/image/image_row.hpp"
 #include "dynslam/segment/connected_components.hpp"
 #include "dynslam/segment/connectivity.hpp"
+#include "dynslam/segment/pixel_runs.hpp"
 
 // Masks are images of integers, nonzero = set; what these functions set is 255 (as far as the pixel's type
 // goes: true for bool). Images of one call need the same size (asserted); images without pixels are fine.
@@ -22,8 +23,7 @@ namespace dynslam {
 
 /// Memory of the mask operations; keep it between calls to avoid allocation.
 struct MaskWorkspace {
-  Image<std::uint8_t> rows, next_rows;
-  std::vector<std::uint8_t> line, next_line;
+  std::vector<std::uint64_t> line, rows, next_rows;  ///< a bit per pixel
   ComponentsWorkspace components;
   Image<int> labels;
   std::vector<int> counts;
@@ -32,12 +32,6 @@ struct MaskWorkspace {
 namespace detail {
 template <class I>
 inline constexpr auto kMaskSet = static_cast<typename std::remove_cvref_t<I>::Pixel>(255);
-
-/// to[i] = from[i] | from[i + shift], n bytes; compilers make it one of vectors where the two are apart.
-inline void or_shifted(const std::uint8_t* from, std::size_t shift, std::uint8_t* to, std::size_t n) {
-  const std::uint8_t* other = from + shift;
-  for (std::size_t i = 0; i < n; ++i) to[i] = static_cast<std::uint8_t>(from[i] | other[i]);
-}
 
 /// Calls step(shift) such that, started with single elements and each time or-ed with those `shift` further
 /// on, an element holds the or of `window`.
@@ -50,52 +44,70 @@ void widen_window(int window, Step&& step) {
   }
 }
 
-/// Square structuring element, separated into rows and columns; windows grow by doubling, so the work is that
-/// of the logarithm of the radius. Erosion is the dilation of what is not set.
+/// bits[i] |= bits[i + shift] in n words, in place; bits beyond them, of which as many are read, are 0.
+inline void or_bits(std::uint64_t* row, std::size_t n, int shift) {
+  const std::size_t words = static_cast<std::size_t>(shift) / kWordPixels;
+  const int part = shift % kWordPixels;
+  if (words == 0) {  // by 1 to 63; of a distance that compilers know
+    for (std::size_t k = 0; k < n; ++k) row[k] |= row[k] >> part | row[k + 1] << (kWordPixels - part);
+  } else {
+    for (std::size_t k = 0; k < n; ++k)
+      row[k] |= row[k + words] >> part | (part == 0 ? 0 : row[k + words + 1] << (kWordPixels - part));
+  }
+}
+
+/// to = the n words of a row, moved up by `shift`.
+inline void move_bits(const std::uint64_t* row, std::size_t n, int shift, std::vector<std::uint64_t>& to) {
+  const std::size_t words = static_cast<std::size_t>(shift) / kWordPixels;
+  const int part = shift % kWordPixels;
+  std::fill(to.begin(), to.end(), std::uint64_t{0});
+  for (std::size_t k = 0; k < n; ++k) {
+    to[k + words] |= row[k] << part;
+    if (part != 0 && k + words + 1 < to.size()) to[k + words + 1] |= row[k] >> (kWordPixels - part);
+  }
+}
+
+/// to[i] = from[i] | from[i + shift], n words; compilers make it one of vectors where the two are apart.
+inline void or_shifted(const std::uint64_t* from, std::size_t shift, std::uint64_t* to, std::size_t n) {
+  const std::uint64_t* other = from + shift;
+  for (std::size_t i = 0; i < n; ++i) to[i] = from[i] | other[i];
+}
+
+/// Square structuring element, separated into rows and columns, with a bit per pixel; windows grow by
+/// doubling, so the work is that of the logarithm of the radius. Erosion is the dilation of what is not set.
 template <class In, class Out>
 void morphology(const In& in, Out& out, int radius, bool grow, MaskWorkspace& workspace) {
   DYNSLAM_ASSERT(same_size(in, out) && radius >= 0, "equal sizes, radius >= 0");
   const int w = in.width(), h = in.height();
   if (w == 0 || h == 0) return;
   radius = std::min(radius, std::max(w, h));  // no more is needed, and sums with it cannot overflow
-  const auto width = static_cast<std::size_t>(w), rim = static_cast<std::size_t>(radius);
-  auto& line = workspace.line;
-  auto& next = workspace.next_line;
-  line.assign(width + 2 * rim, 0);
-  next.assign(width + 2 * rim, 0);
-  Image<std::uint8_t>* rows = &workspace.rows;
-  Image<std::uint8_t>* next_rows = &workspace.next_rows;
-  rows->resize(w, h + 2 * radius);
-  next_rows->resize(w, h + 2 * radius);
-  const std::uint8_t flip = grow ? 0 : 1;
+  const std::size_t words = words_of_row(w), rim = static_cast<std::size_t>(radius) * words;
+  const std::uint64_t flip = grow ? 0 : ~std::uint64_t{0};
+  auto& rows = workspace.rows;
+  rows.assign(static_cast<std::size_t>(h) * words + 2 * rim, 0);
+  workspace.next_rows.resize(rows.size());
+  const std::size_t padded = words_of_row(w + 2 * radius);
+  workspace.line.resize(2 * padded + 1);
   for (int v = 0; v < h; ++v) {
-    const auto from = image_row(in, v);
-    std::fill_n(line.begin(), rim, std::uint8_t{0});
-    std::fill(line.end() - static_cast<std::ptrdiff_t>(rim), line.end(), std::uint8_t{0});
-    std::uint8_t* set = line.data() + rim;
-    for (int u = 0; u < w; ++u) set[u] = static_cast<std::uint8_t>((from[u] != 0 ? 1 : 0) ^ flip);
-    std::size_t n = line.size();
-    widen_window(2 * radius + 1, [&](int shift) {
-      n -= static_cast<std::size_t>(shift);
-      or_shifted(line.data(), static_cast<std::size_t>(shift), next.data(), n);
-      line.swap(next);
-    });
-    std::copy_n(line.begin(), w, rows->row(radius + v));
+    std::uint64_t* row = rows.data() + rim + static_cast<std::size_t>(v) * words;
+    row_to_bits(image_row(in, v), w, row);
+    for (std::size_t k = 0; k < words; ++k) row[k] ^= flip;
+    row[words - 1] &= last_word(w);
+    if (std::all_of(row, row + words, [](std::uint64_t word) { return word == 0; })) continue;
+    move_bits(row, words, radius, workspace.line);
+    widen_window(2 * radius + 1, [&](int shift) { or_bits(workspace.line.data(), padded, shift); });
+    std::copy_n(workspace.line.begin(), words, row);
   }
-  for (int v = 0; v < radius; ++v) {
-    std::fill_n(rows->row(v), w, std::uint8_t{0});
-    std::fill_n(rows->row(h + radius + v), w, std::uint8_t{0});
-  }
-  std::size_t n = static_cast<std::size_t>(h + 2 * radius) * width;
+  std::size_t n = rows.size();
   widen_window(2 * radius + 1, [&](int shift) {
-    n -= static_cast<std::size_t>(shift) * width;
-    or_shifted(rows->data(), static_cast<std::size_t>(shift) * width, next_rows->data(), n);
-    std::swap(rows, next_rows);
+    n -= static_cast<std::size_t>(shift) * words;
+    or_shifted(rows.data(), static_cast<std::size_t>(shift) * words, workspace.next_rows.data(), n);
+    std::swap(rows, workspace.next_rows);
   });
   for (int v = 0; v < h; ++v) {
-    const std::uint8_t* from = rows->row(v);
-    auto to = image_row(out, v);
-    for (int u = 0; u < w; ++u) to[u] = from[u] != flip ? kMaskSet<Out> : typename Out::Pixel(0);
+    std::uint64_t* row = rows.data() + static_cast<std::size_t>(v) * words;
+    for (std::size_t k = 0; k < words; ++k) row[k] ^= flip;
+    bits_to_row(row, w, kMaskSet<Out>, image_row(out, v));
   }
 }
 }  // namespace detail
@@ -133,13 +145,12 @@ int connected_components(const Mask& mask, Labels&& labels, std::vector<int>& co
 /// Clears the 8-connected components with fewer than `min_pixels` pixels.
 template <OutputLabelImage Mask>
 void remove_small(Mask&& mask, int min_pixels, MaskWorkspace& workspace) {
-  connected_components(mask, Connectivity::eight, workspace.labels, workspace.counts, workspace.components);
-  for (int v = 0; v < mask.height(); ++v) {
-    auto row = image_row(mask, v);
-    const int* label = workspace.labels.row(v);
-    for (int u = 0; u < mask.width(); ++u) {
-      if (label[u] != 0 && workspace.counts[static_cast<std::size_t>(label[u])] < min_pixels) row[u] = 0;
-    }
+  const ComponentsWorkspace& found = workspace.components;
+  const int n = detail::number_runs(mask, false, Connectivity::eight, workspace.components);
+  detail::count_pixels(found, n, workspace.counts);
+  for (std::size_t i = 0; i < found.runs.size(); ++i) {
+    if (workspace.counts[static_cast<std::size_t>(found.number[i])] < min_pixels)
+      detail::fill_run(mask, found.runs[i], typename std::remove_reference_t<Mask>::Pixel(0));
   }
 }
 template <OutputLabelImage Mask>
@@ -156,35 +167,18 @@ void remove_small(Mask&& mask, int min_pixels) {
 ///               hole, at a corner stays open.
 template <OutputLabelImage Mask>
 void fill_holes(Mask&& mask, int max_pixels, Connectivity holes, MaskWorkspace& workspace) {
-  const int w = mask.width(), h = mask.height();
-  if (w == 0 || h == 0) return;
-  workspace.rows.resize(w, h);
-  for (int v = 0; v < h; ++v) {
-    const auto row = image_row(mask, v);
-    std::uint8_t* to = workspace.rows.row(v);
-    for (int u = 0; u < w; ++u) to[u] = row[u] == 0 ? 1 : 0;
-  }
-  connected_components(workspace.rows, holes, workspace.labels, workspace.counts, workspace.components);
+  const ComponentsWorkspace& found = workspace.components;
+  const int n = detail::number_runs(mask, true, holes, workspace.components);
+  detail::count_pixels(found, n, workspace.counts);
   constexpr int kOpen = -1;  // in place of the count of a component that touches the border
-  const auto open = [&](int u, int v) {
-    workspace.counts[static_cast<std::size_t>(workspace.labels(u, v))] = kOpen;
-  };
-  for (int u = 0; u < w; ++u) {
-    open(u, 0);
-    open(u, h - 1);
+  for (std::size_t i = 0; i < found.runs.size(); ++i) {
+    const PixelRun& run = found.runs[i];
+    if (run.begin == 0 || run.end == mask.width() || run.v == 0 || run.v == mask.height() - 1)
+      workspace.counts[static_cast<std::size_t>(found.number[i])] = kOpen;
   }
-  for (int v = 0; v < h; ++v) {
-    open(0, v);
-    open(w - 1, v);
-  }
-  for (int v = 0; v < h; ++v) {
-    auto row = image_row(mask, v);
-    const int* label = workspace.labels.row(v);
-    for (int u = 0; u < w; ++u) {
-      if (label[u] == 0) continue;
-      const int count = workspace.counts[static_cast<std::size_t>(label[u])];
-      if (count != kOpen && count <= max_pixels) row[u] = detail::kMaskSet<Mask>;
-    }
+  for (std::size_t i = 0; i < found.runs.size(); ++i) {
+    const int count = workspace.counts[static_cast<std::size_t>(found.number[i])];
+    if (count != kOpen && count <= max_pixels) detail::fill_run(mask, found.runs[i], detail::kMaskSet<Mask>);
   }
 }
 template <OutputLabelImage Mask>

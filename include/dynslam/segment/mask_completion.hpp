@@ -19,9 +19,9 @@
 
 namespace dynslam {
 
-/// Makes whole surfaces of parts: where at least `share` of everything that is connected with a part of the mask
-/// (by steps that the criterion allows) is in the mask, all of it is. A mover whose middle still lies where the
-/// mover was shortly before is found at its rims alone; what it stands on outweighs it.
+/// Makes whole surfaces of parts: where at least `share` of everything that is connected with a part of the
+/// mask (by steps that the criterion allows) is in the mask, all of it is. A mover whose middle still lies
+/// where the mover was shortly before is found at its rims alone; what it stands on outweighs it.
 /// @param depth  [m], invalid = NaN or <= 0
 /// @param mask   in and out: nonzero in the mask; what is added is 255
 /// @param share  of the surface's pixels; above 1: nothing is done
@@ -32,22 +32,25 @@ std::size_t complete_surfaces(const D& depth, Mask&& mask, const Criterion& crit
                               double limit, RegionGrowingWorkspace& ws) {
   DYNSLAM_ASSERT(same_size(depth, mask), "the mask has the size of the depth image");
   if (share > 1) return 0;
-  const std::size_t valid = detail::close_pixels(depth, detail::NoBarrier{}, ws.visited);
-  const double largest = limit * static_cast<double>(valid);
+  const double largest = limit * static_cast<double>(detail::count_valid(depth));
+  const detail::NoBarrier nowhere;
+  detail::GrowingField field(depth, nowhere, criterion, ws.words);
   std::size_t added = 0;
   for (int v = 0; v < depth.height(); ++v) {
     for (int u = 0; u < depth.width(); ++u) {
-      if (mask(u, v) == 0 || ws.visited(u + 1, v + 1) != 0) continue;
-      ws.queue.clear();
-      detail::grow_from<Connectivity::four>(depth, PixelIndex{u, v}, criterion, ws);
-      const auto size = static_cast<double>(ws.queue.size());
-      if (size > largest) continue;
-      const auto on = static_cast<std::size_t>(
-          std::ranges::count_if(ws.queue, [&](const PixelIndex& p) { return mask(p.u, p.v) != 0; }));
-      if (on == ws.queue.size() || static_cast<double>(on) < share * size) continue;
-      added += ws.queue.size() - on;
-      for (const PixelIndex& p : ws.queue)
-        mask(p.u, p.v) = static_cast<typename std::remove_reference_t<Mask>::Pixel>(255);
+      if (mask(u, v) == 0 || !field.open(u, v)) continue;
+      ws.runs.clear();
+      const std::size_t size = field.template take_region<Connectivity::four>(u, v, ws.runs);
+      if (static_cast<double>(size) > largest) continue;
+      std::size_t on = 0;
+      for (const PixelRun& run : ws.runs) {
+        const auto row = image_row(mask, run.v);
+        for (int x = run.begin; x < run.end; ++x) on += row[x] != 0 ? 1 : 0;
+      }
+      if (on == size || static_cast<double>(on) < share * static_cast<double>(size)) continue;
+      added += size - on;
+      for (const PixelRun& run : ws.runs)
+        detail::fill_run(mask, run, static_cast<typename std::remove_reference_t<Mask>::Pixel>(255));
     }
   }
   return added;
@@ -76,11 +79,13 @@ struct WayCosts {
 /// Spreads what stands in the buckets over the pixels that may be entered, nearest first (Dial's algorithm).
 template <class G, class MayEnter, class Reached>
 void spread(const G& gray, const WayCosts& costs, Image<std::uint16_t>& cost,
-            std::vector<std::vector<PixelIndex>>& buckets, const MayEnter& may_enter, const Reached& reached) {
+            std::vector<std::vector<PixelIndex>>& buckets, const MayEnter& may_enter,
+            const Reached& reached) {
   const int w = gray.width(), h = gray.height();
   for (int c = 0; c <= costs.limit; ++c) {
     auto& bucket = buckets[static_cast<std::size_t>(c)];
-    for (std::size_t k = 0; k < bucket.size(); ++k) {  // none is added to it meanwhile: a step costs something
+    for (std::size_t k = 0; k < bucket.size();
+         ++k) {  // none is added to it meanwhile: a step costs something
       const PixelIndex p = bucket[k];
       if (cost(p.u, p.v) != c) continue;  // reached cheaper since
       const auto here = static_cast<double>(gray(p.u, p.v));
@@ -101,8 +106,8 @@ void spread(const G& gray, const WayCosts& costs, Image<std::uint16_t>& cost,
 }  // namespace detail
 
 /// Decides for pixels without depth whether they belong to the mask: hair, dark cloth and the outline of near
-/// objects have none. Each goes to where the way is cheaper, over pixels without depth and the fewest edges of
-/// the grey image, to a measured pixel on the mask or beside it. What neither reaches stays as it is.
+/// objects have none. Each goes to where the way is cheaper, over pixels without depth and the fewest edges
+/// of the grey image, to a measured pixel on the mask or beside it. What neither reaches stays as it is.
 /// @param gray   of the size of `depth`, 0 to 255
 /// @param depth  [m], invalid = NaN or <= 0
 /// @param mask   in and out: nonzero in the mask; what is added is 255

@@ -4,16 +4,18 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <type_traits>
 #include <vector>
 
 #include "dynslam/concepts/image.hpp"
-#include "dynslam/image/depth.hpp"
 #include "dynslam/image/image.hpp"
 #include "dynslam/image/image_row.hpp"
 #include "dynslam/segment/connectivity.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
+#include "dynslam/segment/growing_field.hpp"
+#include "dynslam/segment/pixel_runs.hpp"
 
 namespace dynslam {
 
@@ -50,81 +52,16 @@ struct RegionGrowingResult {
 /// Memory of grow_regions; keep it between calls to avoid allocation.
 struct RegionGrowingWorkspace {
   struct Region {
-    std::size_t begin, size;  ///< in `queue`
+    std::size_t begin, runs;  ///< in `runs`
+    std::size_t size;         ///< pixels
     std::int64_t first;       ///< its first pixel, row by row; computed where it decides
   };
-  Image<std::uint8_t> visited;    ///< with a rim of one pixel
-  std::vector<PixelIndex> queue;  ///< pixels of the regions, one after the other
+  detail::GrowingWords words;
+  std::vector<PixelRun> runs;  ///< of the regions, one after the other
   std::vector<Region> regions;
 };
 
 namespace detail {
-/// Stands for a barrier that is not there.
-struct NoBarrier {
-  using Pixel = std::uint8_t;
-  [[nodiscard]] static int width() { return 0; }
-  [[nodiscard]] static int height() { return 0; }
-  [[nodiscard]] std::uint8_t operator()(int, int) const { return 0; }
-};
-
-/// Marks as visited what growing must not enter, in an image with a closed rim of one pixel, so that growing
-/// needs no look at the border. @return pixels of valid depth
-template <class D, class Barrier>
-std::size_t close_pixels(const D& depth, const Barrier& barrier, Image<std::uint8_t>& visited) {
-  const int w = depth.width(), h = depth.height();
-  std::size_t valid = 0;
-  visited.resize(w + 2, h + 2);
-  std::fill_n(visited.row(0), w + 2, std::uint8_t{1});
-  std::fill_n(visited.row(h + 1), w + 2, std::uint8_t{1});
-  for (int v = 0; v < h; ++v) {
-    const auto z = image_row(depth, v);
-    const auto closed = image_row(barrier, v);
-    std::uint8_t* out = visited.row(v + 1);
-    out[0] = out[w + 1] = 1;
-    for (int u = 0; u < w; ++u) {
-      const bool ok = is_valid_depth(z[u]);
-      valid += ok ? 1 : 0;
-      out[u + 1] = ok && closed[u] == 0 ? 0 : 1;
-    }
-  }
-  return valid;
-}
-
-/// Appends to the queue everything that a seed reaches.
-template <Connectivity connectivity, class D, class Criterion>
-void grow_from(const D& depth, PixelIndex seed, const Criterion& criterion,
-               RegionGrowingWorkspace& workspace) {
-  using S = typename D::Pixel;
-  auto& queue = workspace.queue;
-  const int width = workspace.visited.width();
-  std::uint8_t* visited = workspace.visited.data() + width + 1;  // of the pixel (0, 0)
-  const auto place = [width](int u, int v) { return static_cast<std::ptrdiff_t>(v) * width + u; };
-  std::size_t head = queue.size();
-  queue.push_back(seed);
-  visited[place(seed.u, seed.v)] = 1;
-  for (; head < queue.size(); ++head) {
-    const PixelIndex p = queue[head];
-    const GrowingSite<S> from{p.u, p.v, depth(p.u, p.v)};
-    const auto step = [&](int du, int dv) {
-      const int u = p.u + du, v = p.v + dv;
-      std::uint8_t& seen = visited[place(u, v)];
-      if (seen != 0 || !may_step(criterion, from, GrowingSite<S>{u, v, depth(u, v)})) return;
-      seen = 1;
-      queue.push_back({u, v});
-    };
-    step(-1, 0);
-    step(1, 0);
-    step(0, -1);
-    step(0, 1);
-    if constexpr (connectivity == Connectivity::eight) {
-      step(-1, -1);
-      step(1, -1);
-      step(-1, 1);
-      step(1, 1);
-    }
-  }
-}
-
 /// Drops the largest regions until the rest has at most `limit` pixels. Of equal ones that with the first
 /// pixel row by row goes first, so the order of the seeds does not matter.
 inline void drop_excess(std::size_t limit, int width, RegionGrowingWorkspace& workspace,
@@ -132,10 +69,10 @@ inline void drop_excess(std::size_t limit, int width, RegionGrowingWorkspace& wo
   if (result.pixels <= limit) return;
   auto& regions = workspace.regions;
   for (auto& region : regions) {
-    const auto place = [&](const PixelIndex& p) { return std::int64_t(p.v) * width + p.u; };
-    region.first = place(workspace.queue[region.begin]);
-    for (std::size_t i = 1; i < region.size; ++i)
-      region.first = std::min(region.first, place(workspace.queue[region.begin + i]));
+    const auto place = [&](const PixelRun& r) { return std::int64_t(r.v) * width + r.begin; };
+    region.first = place(workspace.runs[region.begin]);
+    for (std::size_t i = 1; i < region.runs; ++i)
+      region.first = std::min(region.first, place(workspace.runs[region.begin + i]));
   }
   std::sort(regions.begin(), regions.end(), [](const auto& a, const auto& b) {
     return a.size != b.size ? a.size > b.size : a.first < b.first;
@@ -152,45 +89,40 @@ RegionGrowingResult grow_regions(const D& depth, const Barrier& barrier, std::sp
                                  const Criterion& criterion, const RegionGrowingOptions& options, Mask& mask,
                                  RegionGrowingWorkspace& workspace) {
   const int w = depth.width(), h = depth.height();
-  const std::size_t valid = close_pixels(depth, barrier, workspace.visited);
+  GrowingField field(depth, barrier, criterion, workspace.words);
+  // What may be everything needs no count of what there is.
+  const bool limited = !(options.max_region_fraction >= 1 && options.max_total_fraction >= 1);
+  const std::size_t valid = limited ? count_valid(depth) : 0;
   const auto share = [&](double fraction) {
+    if (fraction >= 1) return std::numeric_limits<std::size_t>::max();
     return static_cast<std::size_t>(std::max(0.0, fraction) * static_cast<double>(valid));
   };
   const std::size_t limit = share(options.max_region_fraction);
   const auto smallest = static_cast<std::size_t>(std::max(0, options.min_region_pixels));
-  workspace.queue.clear();
+  workspace.runs.clear();
   workspace.regions.clear();
   RegionGrowingResult result;
   for (const PixelIndex& seed : seeds) {
-    if (seed.u < 0 || seed.v < 0 || seed.u >= w || seed.v >= h ||
-        workspace.visited(seed.u + 1, seed.v + 1) != 0)
-      continue;
-    const std::size_t begin = workspace.queue.size();
-    if (options.connectivity == Connectivity::eight) {
-      grow_from<Connectivity::eight>(depth, seed, criterion, workspace);
-    } else {
-      grow_from<Connectivity::four>(depth, seed, criterion, workspace);
-    }
-    const std::size_t size = workspace.queue.size() - begin;
+    if (seed.u < 0 || seed.v < 0 || seed.u >= w || seed.v >= h || !field.open(seed.u, seed.v)) continue;
+    const std::size_t begin = workspace.runs.size();
+    const std::size_t size =
+        options.connectivity == Connectivity::eight
+            ? field.template take_region<Connectivity::eight>(seed.u, seed.v, workspace.runs)
+            : field.template take_region<Connectivity::four>(seed.u, seed.v, workspace.runs);
     if (size <= limit && size >= smallest) {
       ++result.regions;
       result.pixels += size;
-      workspace.regions.push_back({begin, size, 0});
+      workspace.regions.push_back({begin, workspace.runs.size() - begin, size, 0});
     } else {
       ++(size > limit ? result.regions_leaked : result.regions_small);
-      workspace.queue.resize(begin);
+      workspace.runs.resize(begin);
     }
   }
   drop_excess(share(options.max_total_fraction), w, workspace, result);
-  for (int v = 0; v < h; ++v) {
-    auto row = image_row(mask, v);
-    for (int u = 0; u < w; ++u) row[u] = 0;
-  }
+  for (int v = 0; v < h; ++v) fill_run(mask, {v, 0, w}, typename Mask::Pixel(0));
   for (const auto& region : workspace.regions) {
-    for (std::size_t i = region.begin; i < region.begin + region.size; ++i) {
-      const PixelIndex p = workspace.queue[i];
-      mask(p.u, p.v) = static_cast<typename Mask::Pixel>(255);
-    }
+    for (std::size_t i = region.begin; i < region.begin + region.runs; ++i)
+      fill_run(mask, workspace.runs[i], static_cast<typename Mask::Pixel>(255));
   }
   return result;
 }
