@@ -102,6 +102,7 @@ int connected_components(const Mask& mask, Connectivity connectivity, Labels&& l
   }
   return n;
 }
+/// The same with memory of its own.
 template <LabelImage Mask, OutputLabelImage Labels>
 int connected_components(const Mask& mask, Connectivity connectivity, Labels&& labels,
                          std::vector<int>& counts) {

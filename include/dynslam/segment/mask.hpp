@@ -105,6 +105,7 @@ template <LabelImage In, OutputLabelImage Out>
 void dilate(const In& in, Out&& out, int radius, MaskWorkspace& workspace) {
   detail::morphology(in, out, radius, true, workspace);
 }
+/// The same with memory of its own.
 template <LabelImage In, OutputLabelImage Out>
 void dilate(const In& in, Out&& out, int radius) {
   MaskWorkspace workspace;
@@ -117,6 +118,7 @@ template <LabelImage In, OutputLabelImage Out>
 void erode(const In& in, Out&& out, int radius, MaskWorkspace& workspace) {
   detail::morphology(in, out, radius, false, workspace);
 }
+/// The same with memory of its own.
 template <LabelImage In, OutputLabelImage Out>
 void erode(const In& in, Out&& out, int radius) {
   MaskWorkspace workspace;
@@ -142,6 +144,7 @@ void remove_small(Mask&& mask, int min_pixels, MaskWorkspace& workspace) {
     }
   }
 }
+/// The same with memory of its own.
 template <OutputLabelImage Mask>
 void remove_small(Mask&& mask, int min_pixels) {
   MaskWorkspace workspace;
@@ -187,10 +190,12 @@ void fill_holes(Mask&& mask, int max_pixels, Connectivity holes, MaskWorkspace& 
     }
   }
 }
+/// The same for holes that are connected by sides.
 template <OutputLabelImage Mask>
 void fill_holes(Mask&& mask, int max_pixels, MaskWorkspace& workspace) {
   fill_holes(mask, max_pixels, Connectivity::four, workspace);
 }
+/// The same for holes that are connected by sides, with memory of its own.
 template <OutputLabelImage Mask>
 void fill_holes(Mask&& mask, int max_pixels) {
   MaskWorkspace workspace;

@@ -23,6 +23,7 @@
 
 namespace dynslam::runtime {
 
+/// Options of Slam; the defaults need no network.
 struct SlamOptions {
   DynamicsMode dynamics = DynamicsMode::geometric;
   /// A network whose masks are taken where none are given, on the calling thread; needs `semantic` or `both`.

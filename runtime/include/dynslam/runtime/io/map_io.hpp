@@ -15,6 +15,7 @@
 
 namespace dynslam::runtime {
 
+/// Red, green, blue.
 using Rgb = std::array<std::uint8_t, 3>;
 
 /// Colour of a class in pictures and exports.
@@ -55,8 +56,11 @@ struct MapSummary {
     return static_cast<double>(voxels) * resolution * resolution * resolution;
   }
 };
+/// Counts the leaves of a map.
 [[nodiscard]] MapSummary summarize(const interop::SemanticOcTree& tree);
+/// As `map info` prints it.
 [[nodiscard]] std::string to_text(const MapSummary& summary);
+/// As `map info --json` prints it.
 [[nodiscard]] nlohmann::json to_json(const MapSummary& summary);
 
 }  // namespace dynslam::runtime

@@ -53,16 +53,19 @@ struct RunOptions {
   SemanticMapperOptions mapper = SemanticMapperOptions::of_run();
 };
 
+/// Times of a stage per frame.
 struct StageStatistics {
   double median_ms = 0, p95_ms = 0;
 };
 
+/// How far a run is.
 struct Progress {
   std::size_t done = 0, total = 0;
   double fps = 0, seconds_left = 0;
   std::size_t lost = 0;
 };
 
+/// What a run did: summary.json.
 struct RunSummary {
   std::size_t frames = 0;   ///< in the sequence (or up to the interruption)
   std::size_t tracked = 0;  ///< with a pose in trajectory.txt

@@ -26,6 +26,7 @@ struct ScanOwner {
   int keyframes = 0;         ///< a scan's keyframe is one of these
 };
 
+/// Options of SemanticMapper.
 struct SemanticMapperOptions {
   double resolution = 0.05;  ///< metres
   MapScanOptions scan;
