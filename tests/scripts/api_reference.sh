@@ -63,7 +63,8 @@ sed -i 's|^}  // namespace dynslam|inline int no_word() { return 0; }\n&|' "$hea
 sed -i 's|dynslam::is_dynamic|dynslam::is_static|' "$copy/docs/api/equations.md"
 refused "a function without a word" "dynslam::no_word is not documented"
 refused "a page that names what is not there" "no header has dynslam::is_static"
-sed 's|^}  // namespace dynslam|/// None.\n/// @param nothing  is not there\ninline int a_word(int something) { return something; }\n&|' \
-  <<< "$before" > "$header"
+printf '%s\n' "$before" |
+  sed 's|^}  // namespace dynslam|/// None.\n/// @param nothing  is not there\ninline int a_word(int something) { return something; }\n&|' \
+    > "$header"
 refused "a parameter that does not exist" "argument 'nothing' of command @param"
 rm -rf "$copy"

@@ -104,7 +104,7 @@ class Slam {
   /// Goes on in a map that was saved: the camera is lost until it finds itself there. Call it before the
   /// first frame. @throws InputError naming the file
   void load(const std::filesystem::path& folder);
-  /// Writes the octree as map.ot, and as map_color.ot for octovis. @throws InputError
+  /// Writes the octree as map.sot, and as map_color.ot for octovis. @throws InputError
   void save_octree(const std::filesystem::path& folder);
   /// Forgets all frames and maps.
   void reset();

@@ -87,7 +87,7 @@ class SemanticMapper {
                                                       const ScanOwner& owner);
   /// Waits until everything is in the tree. @throws what the thread met
   void finish();
-  /// Writes the tree (`.ot` of type SemanticOcTree) through a temporary file. Call finish() first. @throws
+  /// Writes the tree (`.sot`, as save_map() does) through a temporary file. Call finish() first. @throws
   /// InputError
   void save(const std::filesystem::path& path) const;
   /// Writes the retained scans. What two later sessions have scanned again from about the same place
