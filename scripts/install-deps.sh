@@ -12,7 +12,7 @@ app=(build-essential cmake ninja-build ccache curl ca-certificates
   libeigen3-dev libopencv-dev liboctomap-dev libcli11-dev nlohmann-json3-dev libfmt-dev libjpeg-dev
   libbz2-dev liblz4-dev)
 development=(git clang doctest-dev libbenchmark-dev libceres-dev libopencv-contrib-dev
-  pkg-config python3 unzip file)
+  pkg-config python3 unzip file doxygen libjs-mathjax parallel)
 # With 60 packages of ROS and Boost, for one test alone, and not in every release: taken where apt has them.
 optional=(librosbag-storage-dev)
 

@@ -16,7 +16,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 run() { "$program" run "$work/s" --dynamics none "$@"; }
-map_of() { (cd "$1" && sha256sum keyframes.bin scans.bin map.ot); }
+map_of() { (cd "$1" && sha256sum keyframes.bin scans.bin map.sot); }
 
 "$program" synth "$work/s" --frames 24 --path xyz --scenario empty > "$work/log"
 run --out "$work/o1" --max-frames 12 --save-map "$work/old" > "$work/log"

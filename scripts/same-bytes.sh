@@ -65,7 +65,7 @@ one() {
   "$program" run "$folder" --out "$out" --dynamics "$mode" --save-masks "${network[@]}" > "$out/log" 2>&1 ||
     echo "$name $mode exit $?"
   local what
-  for what in trajectory.txt keyframes.txt map.ot; do
+  for what in trajectory.txt keyframes.txt map.sot; do
     echo "$name $mode $what $(sha256sum < "$out/$what" | cut -d' ' -f1)"
   done
   echo "$name $mode masks $(cd "$out/masks" && find . -name '*.png' | sort | xargs -r sha256sum | sha256sum | cut -d' ' -f1)"
@@ -87,7 +87,8 @@ if [ "$action" = record ]; then
   echo "same-bytes: $(wc -l < "$sums") sums of $(cut -d' ' -f1,2 "$sums" | sort -u | wc -l) runs recorded in $file"
   exit 0
 fi
-differing=$(grep -Fxv -f "$file" "$sums" | cut -d' ' -f1-3 || true)
+# Records from before maps were named .sot.
+differing=$(grep -Fxv -f <(sed 's/ map\.ot / map.sot /' "$file") "$sums" | cut -d' ' -f1-3 || true)
 if [ -n "$differing" ]; then
   echo "same-bytes: these differ from $file:"
   echo "$differing"

@@ -19,13 +19,13 @@ trap 'rm -rf "$work"' EXIT
 
 size() { stat -c %s "$work/map/$1"; }
 
-echo "visit keyframes.bin  scans.bin    map.ot keyframes points   lost"
+echo "visit keyframes.bin  scans.bin   map.sot keyframes points   lost"
 load=()
 for ((visit = 1; visit <= visits; ++visit)); do
   "$program" run "$sequence" --out "$work/out" "${load[@]}" --save-map "$work/map" "$@" > "$work/log" 2>&1 ||
     { tail -3 "$work/log" >&2; exit 1; }
   load=(--load-map "$work/map")
-  printf '%5d %13d %10d %9d %9d %6d %6d\n' "$visit" "$(size keyframes.bin)" "$(size scans.bin)" "$(size map.ot)" \
+  printf '%5d %13d %10d %9d %9d %6d %6d\n' "$visit" "$(size keyframes.bin)" "$(size scans.bin)" "$(size map.sot)" \
     "$(tail -1 "$work/out/timings.csv" | awk -F, '{print $(NF - 1)}')" \
     "$(tail -1 "$work/out/timings.csv" | awk -F, '{print $NF}')" \
     "$(sed -n 's/^ *"lost": \([0-9]*\),*$/\1/p' "$work/out/summary.json")"

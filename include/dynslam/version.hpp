@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-/// The version of these headers, for #if. What it promises: docs/architecture.md, "What is stable".
+/// The version of these headers, for `#if`. What it promises: docs/architecture.md, "What is stable".
 #define DYNSLAM_VERSION_MAJOR 0
 #define DYNSLAM_VERSION_MINOR 1
 #define DYNSLAM_VERSION_PATCH 0

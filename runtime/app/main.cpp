@@ -21,6 +21,7 @@
 #include "map_command.hpp"
 #include "run_command.hpp"
 #include "suggestion.hpp"
+#include "sweep_command.hpp"
 #include "synth_command.hpp"
 
 namespace {
@@ -42,6 +43,7 @@ int run(int argc, char** argv) {
   const ConvertCommand convert(app);
   const SynthCommand synth(app);
   const MapCommand map(app);
+  const SweepCommand sweep(app);
   const ConfigCommand show(app, run_command);
   const HelpCommands help(app);
   const auto config = add_config_option(app, {{"run", run_command.fields()}, {"ablate", ablate.fields()}});
@@ -55,6 +57,7 @@ int run(int argc, char** argv) {
     if (info.chosen()) return info.run();
     if (convert.chosen()) return convert.run();
     if (synth.chosen()) return synth.run();
+    if (sweep.chosen()) return sweep.run();
     return map.run();
   } catch (const CLI::FileError&) {
     std::cerr << "dynslam: error: " << app.get_config_ptr()->as<std::string>() << ": cannot be opened\n";

@@ -93,11 +93,11 @@ struct MapCommand::Options {
 
 MapCommand::MapCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   Options& o = *o_;
-  o.command = app.add_subcommand("map", "Look into a saved map (map.ot), export it, ask it");
+  o.command = app.add_subcommand("map", "Look into a saved map (map.sot), export it, ask it");
   o.command->require_subcommand(1);
   const auto add = [&](const char* command, const char* what) {
     CLI::App* sub = o.command->add_subcommand(command, what);
-    sub->add_option("file", o.file, "Map of `dynslam run`: map.ot")->required();
+    sub->add_option("file", o.file, "Map of `dynslam run`: map.sot (map.ot of dynslam 0.1.0)")->required();
     return sub;
   };
   o.info = add("info", "Voxels and volume per class");
@@ -107,7 +107,7 @@ MapCommand::MapCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   o.exporter
       ->add_option("out", o.out,
                    "File to make: .ot (ColorOcTree for octovis), .bt (OcTree), .ply (coloured points), .txt "
-                   "or .json (summary)")
+                   "or .json (summary), .sot (the map itself)")
       ->required();
 
   o.query =

@@ -97,7 +97,7 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
          "prior")
       ->default_str("full")
       ->check(CLI::IsMember({"paper", "full"}));
-  app.add_option("--map", o.map, "Build and save map.ot")->capture_default_str();
+  app.add_option("--map", o.map, "Build and save map.sot")->capture_default_str();
   app.add_flag_callback(
       "--no-map", [&o] { o.map = false; }, "As --map false");
   app.add_option("--map-resolution", o.map_resolution, "Edge of a voxel [m], 0.005 to 1")

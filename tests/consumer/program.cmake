@@ -27,7 +27,7 @@ foreach(file IN ITEMS man/man1/dynslam.1 man/man1/dynslam-run.1 bash-completion/
     message(FATAL_ERROR "share/${file} is not installed")
   endif()
 endforeach()
-foreach(file IN ITEMS trajectory.txt map.ot summary.json)
+foreach(file IN ITEMS trajectory.txt map.sot summary.json)
   if(NOT EXISTS ${WORK}/out/${file})
     message(FATAL_ERROR "${file} was not written")
   endif()

@@ -150,7 +150,7 @@ void scans(Bytes bytes) {
 }
 
 void octree(Bytes bytes) {
-  const fs::path file = folder() / "octree" / "map.ot";
+  const fs::path file = folder() / "octree" / "map.sot";
   write(file, text_of(bytes));
   try {
     (void)load_map(file);
@@ -163,7 +163,7 @@ void octree(Bytes bytes) {
 void add_map_targets(std::vector<Target>& targets) {
   targets.push_back({"keyframes", keyframes, [] { return saved_file("keyframes.bin"); }});
   targets.push_back({"scans", scans, [] { return saved_file("scans.bin"); }});
-  targets.push_back({"octree", octree, [] { return saved_file("map.ot"); }});
+  targets.push_back({"octree", octree, [] { return saved_file("map.sot"); }});
 }
 
 }  // namespace dynslam::fuzz

@@ -22,7 +22,7 @@ TEST_CASE("synth and ablate work from end to end and leave the tables and pictur
   CHECK(r.out.find("octree") == std::string::npos);  // no chatter of libraries
   for (const char* file :
        {"tables.txt", "tables.md", "ablation.json", "overlays.png", "ate_over_time.png", "map.png",
-        "trajectory_none.png", "trajectory_both.png", "both/map.ot", "geometric/masks/1000000.000000.png"}) {
+        "trajectory_none.png", "trajectory_both.png", "both/map.sot", "geometric/masks/1000000.000000.png"}) {
     CAPTURE(file);
     CHECK(std::filesystem::exists(folder.path / "o" / file));
   }

@@ -47,7 +47,7 @@ TEST_CASE(
     CHECK(summary.tracked == kFrames);
     CHECK(summary.lost == 0);
     ate[mode] = ate_of(folder, sequence.path);
-    for (const char* file : {"keyframes.txt", "map.ot", "timings.csv", "summary.json"})
+    for (const char* file : {"keyframes.txt", "map.sot", "timings.csv", "summary.json"})
       CHECK(fs::file_size(folder / file) > 100);
     const auto json = nlohmann::json::parse(std::ifstream(folder / "summary.json"));
     CHECK(json["frames"] == kFrames);

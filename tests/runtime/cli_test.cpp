@@ -108,7 +108,7 @@ TEST_CASE("a sequence is enough to start: no network means geometry, results hav
   CHECK(r.out.find("found by its geometry alone (--dynamics geometric)") != std::string::npos);
   const auto out = folder.path / "results" / sequence.path.filename();
   CHECK(std::filesystem::exists(out / "trajectory.txt"));
-  CHECK_FALSE(std::filesystem::exists(out / "map.ot"));
+  CHECK_FALSE(std::filesystem::exists(out / "map.sot"));
 }
 
 TEST_CASE("a live run says what it dropped, how late the rest was, and that another one will differ") {
@@ -210,7 +210,7 @@ TEST_CASE("a run says in one line what was broken, and how accurate it was") {
   CHECK(r.out.find("37 of 40 frames tracked") != std::string::npos);
   CHECK(lines_with(r.out, "ATE [m]") == 1);
   CHECK(r.out.find('\r') == std::string::npos);  // no progress line where nobody watches
-  CHECK_FALSE(std::filesystem::exists(folder.path / "o" / "map.ot"));
+  CHECK_FALSE(std::filesystem::exists(folder.path / "o" / "map.sot"));
 }
 
 TEST_CASE("an interrupted run keeps what it has and exits with 130") {

@@ -225,7 +225,7 @@ TEST_CASE(
     CHECK(mentions(config, line));
 
   const auto again = run("again", "--config " + (first / "config.toml").string());
-  for (const char* file : {"trajectory.txt", "keyframes.txt", "map.ot", "config.toml"}) {
+  for (const char* file : {"trajectory.txt", "keyframes.txt", "map.sot", "config.toml"}) {
     CAPTURE(file);
     CHECK(bytes(again / file) == bytes(first / file));
   }
@@ -238,7 +238,7 @@ TEST_CASE(
   };
   const auto map = changed("map", "\npixel_stride = 3\n", "\npixel_stride = 4\n");
   CHECK(bytes(map / "trajectory.txt") == bytes(first / "trajectory.txt"));
-  CHECK(bytes(map / "map.ot") != bytes(first / "map.ot"));
+  CHECK(bytes(map / "map.sot") != bytes(first / "map.sot"));
   const auto features = changed("features", "\nfeatures = 700\n", "\nfeatures = 400\n");
   CHECK(bytes(features / "trajectory.txt") != bytes(first / "trajectory.txt"));
   const auto command_line = run("line", "--features 400 --config " + (first / "config.toml").string());

@@ -26,9 +26,9 @@ std::string page(const std::string& command) {
 
 /// What bash offers after `words`, the last of which is being typed.
 std::string completed(const std::string& words, int typed) {
-  const auto result = test::shell("bash -c 'source <(" DYNSLAM_PROGRAM " completion bash); COMP_WORDS=(" + words +
-                                  "); COMP_CWORD=" + std::to_string(typed) +
-                                  "; _dynslam; echo \"${COMPREPLY[@]}\"' 2>&1");
+  const auto result =
+      test::shell("bash -c 'source <(" DYNSLAM_PROGRAM " completion bash); COMP_WORDS=(" + words +
+                  "); COMP_CWORD=" + std::to_string(typed) + "; _dynslam; echo \"${COMPREPLY[@]}\"' 2>&1");
   REQUIRE(result.code == 0);
   return result.out.substr(0, result.out.size() - 1);
 }
@@ -37,8 +37,8 @@ std::string completed(const std::string& words, int typed) {
 
 TEST_CASE("each command has a manual page with all of its options") {
   const std::string program = page("");
-  for (const char* command :
-       {"run", "ablate", "eval", "eval-masks", "mask-faults", "info", "convert", "synth", "map", "config", "man"}) {
+  for (const char* command : {"run", "ablate", "eval", "eval-masks", "mask-faults", "info", "convert", "synth",
+                              "map", "sweep", "config", "man"}) {
     CAPTURE(command);
     CHECK(program.find("dynslam-" + std::string(command)) != std::string::npos);
     const std::string text = page(command);

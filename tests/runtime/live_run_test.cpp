@@ -57,7 +57,7 @@ TEST_CASE("where all frames may wait, a live run has the results of one that wai
   REQUIRE(live.live);
   CHECK(live.live->latency_max > 0);
   CHECK_FALSE(expected.live);
-  for (const char* file : {"trajectory.txt", "keyframes.txt", "map.ot", "masks/1000000.666667.png"})
+  for (const char* file : {"trajectory.txt", "keyframes.txt", "map.sot", "masks/1000000.666667.png"})
     CHECK(bytes(out.path / "live" / file) == bytes(out.path / "run" / file));
   CHECK(first_line(out.path / "live" / "timings.csv").find(",frame,latency,mask_age_s,rss_mb,") !=
         std::string::npos);

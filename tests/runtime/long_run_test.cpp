@@ -53,7 +53,7 @@ double occupied_volume(const interop::SemanticOcTree& tree) {
 /// What is left in a saved map.
 Extent extent(const fs::path& map) {
   const LocalMap saved = load_slam_map(map, office().camera());
-  const auto octree = load_map(map / "map.ot");
+  const auto octree = load_map(map / "map.sot");
   return {live_keyframes(saved),
           live_points(saved),
           fs::file_size(map / "keyframes.bin"),

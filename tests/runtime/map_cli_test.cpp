@@ -22,9 +22,9 @@ using test::call, test::ProgramResult;
 
 namespace {
 
-/// A table (class chair) and walls, see room_scans(); saved as map.ot.
+/// A table (class chair) and walls, see room_scans(); saved as map.sot.
 struct SavedMap : test::TemporaryFolder {
-  std::string map = (path / "map.ot").string();
+  std::string map = (path / "map.sot").string();
   SavedMap() {
     interop::SemanticOcTree tree(0.05);
     ScanVoxels voxels(tree.grid());
@@ -46,7 +46,7 @@ TEST_CASE("map info and export") {
   const auto json = nlohmann::json::parse(call("map info " + saved.map + " --json").out);
   CHECK(json["classes"]["chair"]["voxels"].get<int>() > 100);
   CHECK(json["resolution_m"] == 0.05);
-  for (const char* name : {"c.ot", "b.bt", "p.ply", "s.txt", "s.json"}) {
+  for (const char* name : {"m.sot", "c.ot", "b.bt", "p.ply", "s.txt", "s.json"}) {
     const ProgramResult r = call("map export " + saved.map + " " + (saved.path / name).string());
     CHECK(r.code == 0);
     CHECK(r.out == "");
@@ -107,7 +107,7 @@ TEST_CASE("numbers beyond all grids are answered or refused, never free") {
 TEST_CASE("mistakes with maps are one line and a non-zero code") {
   const SavedMap saved;
   const std::string folder = saved.path.string();
-  std::ofstream(folder + "/junk.ot") << "junk";
+  std::ofstream(folder + "/junk.sot") << "junk";
   CHECK(call("map export " + saved.map + " " + folder + "/colour.ot").code == 0);
   const auto fails = [](const std::string& arguments, int code, const std::string& part) {
     const ProgramResult r = call(arguments);
@@ -119,8 +119,8 @@ TEST_CASE("mistakes with maps are one line and a non-zero code") {
     CHECK(r.out.find(part) != std::string::npos);
   };
   fails("map", 2, "subcommand");
-  fails("map info " + folder + "/absent.ot", 1, "absent.ot: does not exist");
-  fails("map info " + folder + "/junk.ot", 1, "junk.ot: is not an OctoMap file");
+  fails("map info " + folder + "/absent.sot", 1, "absent.sot: does not exist");
+  fails("map info " + folder + "/junk.sot", 1, "junk.sot: is not an OctoMap file");
   fails("map info " + folder + "/colour.ot", 1, "ColorOcTree");
   fails("map export " + saved.map + " " + folder + "/no/x.ply", 1, "x.ply: cannot be written");
   fails("map export " + saved.map + " " + folder + "/x.stl", 2, "x.stl");

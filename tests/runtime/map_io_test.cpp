@@ -54,21 +54,21 @@ TEST_CASE("saving and loading is exact, before and after pruning") {
   const test::TemporaryFolder folder;
   SemanticOcTree tree = room(0.1);
   for (int pass = 0; pass < 2; ++pass) {
-    save_map(tree, folder.path / "a.ot");
-    const auto back = load_map(folder.path / "a.ot");
+    save_map(tree, folder.path / "a.sot");
+    const auto back = load_map(folder.path / "a.sot");
     CHECK(*back == tree);
     CHECK(back->getResolution() == 0.1);
-    save_map(*back, folder.path / "b.ot");
-    CHECK(read(folder.path / "a.ot") == read(folder.path / "b.ot"));
+    save_map(*back, folder.path / "b.sot");
+    CHECK(read(folder.path / "a.sot") == read(folder.path / "b.sot"));
     tree.prune();
   }
   const SemanticOcTree empty(0.07);
-  save_map(empty, folder.path / "empty.ot");
-  const auto back = load_map(folder.path / "empty.ot");
+  save_map(empty, folder.path / "empty.sot");
+  const auto back = load_map(folder.path / "empty.sot");
   CHECK(back->size() == 0);
   CHECK(back->getResolution() == 0.07);
   CHECK(fs::directory_iterator(folder.path) != fs::directory_iterator());
-  for (const auto& entry : fs::directory_iterator(folder.path)) CHECK(entry.path().extension() == ".ot");
+  for (const auto& entry : fs::directory_iterator(folder.path)) CHECK(entry.path().extension() == ".sot");
 }
 
 TEST_CASE("exports: OctoMap reads them, with the same tree") {
@@ -138,6 +138,26 @@ TEST_CASE("exports: OctoMap reads them, with the same tree") {
   CHECK_THROWS_AS(export_map(tree, folder.path / "no" / "x.ply"), InputError);
 }
 
+TEST_CASE("a map under its earlier name is read, found in its folder, and exported under the new one") {
+  const test::TemporaryFolder folder;
+  const SemanticOcTree tree = room(0.3);
+  const fs::path now = folder.path / "map.sot", then = folder.path / "map.ot";
+  CHECK(map_file_in(folder.path) == now);
+  save_map(tree, then);
+  CHECK(is_semantic_map(then));
+  CHECK(map_file_in(folder.path) == then);
+  CHECK(*load_map(then) == tree);
+  export_map(*load_map(then), now);
+  CHECK(read(now) == read(then));
+  CHECK(map_file_in(folder.path) == now);
+  fs::remove(then);
+  CHECK(refusal(then).find("map.sot beside it does") != std::string::npos);
+  export_map(tree, then);  // for octovis
+  CHECK_FALSE(is_semantic_map(then));
+  CHECK_FALSE(is_semantic_map(folder.path));
+  CHECK_FALSE(is_semantic_map(folder.path / "absent"));
+}
+
 TEST_CASE("the summary counts what the tree holds") {
   const SemanticOcTree tree = room(0.1);
   const MapSummary s = summarize(tree);
@@ -163,11 +183,11 @@ TEST_CASE("the summary counts what the tree holds") {
 
 TEST_CASE("files that are no map, cut short or changed are refused in one line") {
   const test::TemporaryFolder folder;
-  const fs::path good = folder.path / "good.ot", bad = folder.path / "bad.ot";
+  const fs::path good = folder.path / "good.sot", bad = folder.path / "bad.sot";
   const SemanticOcTree tree = room(0.3);
   save_map(tree, good);
   CHECK(refusal(good) == "accepted");
-  CHECK(refusal(folder.path / "absent.ot").find("does not exist") != std::string::npos);
+  CHECK(refusal(folder.path / "absent.sot").find("does not exist") != std::string::npos);
   CHECK(refusal(folder.path).find("is a folder") != std::string::npos);
   export_map(tree, folder.path / "c.ot");
   CHECK(refusal(folder.path / "c.ot").find("ColorOcTree") != std::string::npos);

@@ -190,7 +190,7 @@ TEST_CASE("the whole pipeline on a walking sequence, at its own poses" * doctest
   const std::atomic<bool> stop{false};
   (void)run_sequence(run, stop);
 
-  const auto tree = load_map(run.out / "map.ot");
+  const auto tree = load_map(run.out / "map.sot");
   const Sequence sequence = load_sequence(run.sequence);
   const CameraConfig camera = load_camera(sequence.camera_hint);
   // The map's frame is the first camera.

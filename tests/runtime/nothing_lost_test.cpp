@@ -39,16 +39,16 @@ struct MapCopy : test::TemporaryFolder {
   /// Every part is there, what was known is known (redundant content may go, files may shrink by it), and
   /// a later session finds it. @return keyframes
   std::size_t check_no_poorer() const {
-    for (const char* file : {"keyframes.bin", "scans.bin", "map.ot"}) {
+    for (const char* file : {"keyframes.bin", "scans.bin", "map.sot"}) {
       CAPTURE(file);
       REQUIRE(fs::exists(map / file));
     }
-    check_surface_is_known(*load_map(map / "map.ot"));
+    check_surface_is_known(*load_map(map / "map.sot"));
     // A later session finds itself in it where the first one was, and knows all of it.
     RunOptions again = office().options("unused", 2, map, {});
     again.out = path / "again";
     CHECK(run_sequence(again, kNeverStop).tracked == 2);
-    check_surface_is_known(*load_map(again.out / "map.ot"));
+    check_surface_is_known(*load_map(again.out / "map.sot"));
     const auto first = read_trajectory(office().folder.path / "first" / "trajectory.txt");
     const auto later = read_trajectory(again.out / "trajectory.txt");
     for (std::size_t i = 0; i < 2; ++i)
@@ -59,7 +59,7 @@ struct MapCopy : test::TemporaryFolder {
  private:
   /// What was known is known, what was occupied is occupied, but for a rim's voxels that were seen again.
   static void check_surface_is_known(const interop::SemanticOcTree& now) {
-    const auto before = load_map(office().map / "map.ot");
+    const auto before = load_map(office().map / "map.sot");
     std::size_t occupied = 0, known = 0, still = 0;
     for (auto leaf = before->begin_leafs(); leaf != before->end_leafs(); ++leaf) {
       if (!before->isNodeOccupied(*leaf)) continue;
@@ -103,7 +103,7 @@ TEST_CASE("a run without an octree takes over the scans and the octree of the ma
   o.map = false;
   CHECK(run_sequence(o, kNeverStop).tracked == 40);
   copy.check_no_poorer();
-  CHECK(bytes(copy.map / "map.ot") == bytes(office().map / "map.ot"));
+  CHECK(bytes(copy.map / "map.sot") == bytes(office().map / "map.sot"));
 }
 
 TEST_CASE("a run whose results have nowhere to go still saves the map whole") {
@@ -188,7 +188,7 @@ TEST_CASE("each mode of an ablation starts from the map given, and saves its own
     CAPTURE(mode);
     CHECK(fs::exists(copy.map / mode / "keyframes.bin"));
   }
-  for (const char* file : {"keyframes.bin", "scans.bin", "map.ot"})
+  for (const char* file : {"keyframes.bin", "scans.bin", "map.sot"})
     CHECK(bytes(copy.map / file) == bytes(office().map / file));
 }
 
@@ -204,7 +204,7 @@ TEST_CASE("visiting the same place again and again does not make its map grow") 
   CHECK(static_cast<double>(sizes.back()) <= 1.1 * static_cast<double>(sizes[2]));
   CHECK(static_cast<double>(keyframes.back()) <= 1.1 * static_cast<double>(keyframes[2]));
   CHECK(sizes.back() >= fs::file_size(office().map / "scans.bin"));
-  CHECK(load_map(copy.map / "map.ot")->size() > load_map(office().map / "map.ot")->size() / 2);
+  CHECK(load_map(copy.map / "map.sot")->size() > load_map(office().map / "map.sot")->size() / 2);
 }
 
 TEST_CASE("names that are no UTF-8 do not end a run at its end") {

@@ -20,7 +20,7 @@ using test::bytes, test::Child;
 
 namespace {
 
-constexpr std::array<const char*, 3> kFiles{"keyframes.bin", "scans.bin", "map.ot"};
+constexpr std::array<const char*, 3> kFiles{"keyframes.bin", "scans.bin", "map.sot"};
 
 /// Two maps of one keyframe, small enough to be saved hundreds of times.
 struct TwoMaps {

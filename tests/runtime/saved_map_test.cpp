@@ -54,7 +54,7 @@ TEST_CASE("a second session finds itself in the first one's map, in its frame, a
   CHECK(after.keyframes().size() > before.keyframes().size());
   CHECK(after.points().size() > before.points().size());
   CHECK(fs::file_size(extended / "scans.bin") > fs::file_size(o.map / "scans.bin"));
-  CHECK(bytes(extended / "map.ot").size() > 1000);
+  CHECK(bytes(extended / "map.sot").size() > 1000);
   for (const auto& entry : fs::directory_iterator(o.folder.path))
     CHECK(entry.path().extension() != ".partial");
 }
@@ -77,17 +77,17 @@ TEST_CASE("what another run left beside a map is not published with it, nor remo
   const fs::path target = folder.path / "map";
   for (const char* name : {"map.partial", "map.old"}) {
     fs::create_directories(folder.path / name);
-    test::write_file(folder.path / name / "map.ot", "of a run that was stopped");
+    test::write_file(folder.path / name / "map.sot", "of a run that was stopped");
     test::write_file(folder.path / name / "scans.bin", "of a run that was stopped");
   }
   check_map_folder(target);
   save_slam_map(map, o.camera(), nullptr, target);  // without an octree
   CHECK(fs::exists(target / "keyframes.bin"));
-  CHECK_FALSE(fs::exists(target / "map.ot"));
+  CHECK_FALSE(fs::exists(target / "map.sot"));
   CHECK_FALSE(fs::exists(target / "scans.bin"));
   save_slam_map(map, o.camera(), nullptr, target);  // replaces the first
-  CHECK(bytes(folder.path / "map.partial" / "map.ot") == "of a run that was stopped");
-  CHECK(bytes(folder.path / "map.old" / "map.ot") == "of a run that was stopped");
+  CHECK(bytes(folder.path / "map.partial" / "map.sot") == "of a run that was stopped");
+  CHECK(bytes(folder.path / "map.old" / "map.sot") == "of a run that was stopped");
   CHECK(std::distance(fs::directory_iterator(folder.path), {}) == 3);
 }
 
@@ -194,8 +194,52 @@ TEST_CASE("scans of another map are refused, and an octree without its scans") {
   CHECK_THROWS_WITH_AS((void)run_sequence(options, kNeverStop),
                        doctest::Contains("scans.bin: belongs to other keyframes"), InputError);
   fs::remove(mixed / "scans.bin");
-  fs::copy_file(o.map / "map.ot", mixed / "map.ot");
+  fs::copy_file(o.map / "map.sot", mixed / "map.sot");
   CHECK(test::mentions(complaint(mixed), "not the scans that it was made of"));
+}
+
+TEST_CASE(
+    "a map of dynslam 0.1.0, whose octree is called map.ot, is gone on with and saved under the new name") {
+  const Office& o = office();
+  const test::TemporaryFolder folder;
+  const fs::path earlier = folder.path / "earlier";
+  fs::copy(o.map, earlier);
+  fs::rename(earlier / "map.sot", earlier / "map.ot");
+  test::write_file(earlier / "letter.txt", "precious");
+  const auto run = [&](const char* out, const fs::path& load, const fs::path& save, bool mapping) {
+    RunOptions options = o.options(out, 30, load, save);
+    options.map = mapping;
+    (void)run_sequence(options, kNeverStop);
+  };
+  // The same bytes as from the map under its new name, saved elsewhere or in the place of the old one.
+  run("of_now", o.map, folder.path / "of_now", true);
+  run("of_then", earlier, folder.path / "of_then", true);
+  CHECK(bytes(folder.path / "of_then" / "map.sot") == bytes(folder.path / "of_now" / "map.sot"));
+  CHECK(bytes(folder.path / "of_then" / "scans.bin") == bytes(folder.path / "of_now" / "scans.bin"));
+  run("without", earlier, folder.path / "without", false);  // takes the octree over
+  CHECK(bytes(folder.path / "without" / "map.sot") == bytes(o.map / "map.sot"));
+  run("in_place", earlier, earlier, true);
+  CHECK(bytes(earlier / "map.sot") == bytes(folder.path / "of_now" / "map.sot"));
+  CHECK_FALSE(fs::exists(earlier / "map.ot"));
+  CHECK(bytes(earlier / "letter.txt") == "precious");
+  // An octree under either name needs its scans.
+  fs::rename(folder.path / "without" / "map.sot", folder.path / "without" / "map.ot");
+  fs::remove(folder.path / "without" / "scans.bin");
+  CHECK(test::mentions(complaint(folder.path / "without"), "not the scans that it was made of"));
+}
+
+TEST_CASE(
+    "a run takes the place of the map of an earlier one by dynslam 0.1.0, and of nothing of the user's") {
+  const Office& o = office();
+  const fs::path out = o.folder.path / "over_earlier";
+  fs::create_directories(out);
+  fs::copy_file(o.map / "map.sot", out / "map.ot");
+  (void)run_sequence(o.options("over_earlier", 3, {}, {}), kNeverStop);
+  CHECK(fs::exists(out / "map.sot"));
+  CHECK_FALSE(fs::exists(out / "map.ot"));
+  fs::copy_file(out / "map_color.ot", out / "map.ot");  // a ColorOcTree, as OctoMap's programs want it
+  (void)run_sequence(o.options("over_earlier", 3, {}, {}), kNeverStop);
+  CHECK(bytes(out / "map.ot") == bytes(out / "map_color.ot"));
 }
 
 TEST_CASE("a scan of a keyframe that the map has not is refused") {

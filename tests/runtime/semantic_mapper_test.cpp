@@ -251,7 +251,7 @@ TEST_CASE("keyframes that come while a corrected map is rebuilt do not wait for 
 
 TEST_CASE("a saved map reads back with labels; two runs give the same bytes; bad paths are told") {
   const test::TemporaryFolder folder;
-  for (const char* name : {"a.ot", "b.ot"}) {
+  for (const char* name : {"a.sot", "b.sot"}) {
     SemanticMapper mapper(kMapCamera, 160, 120, {});
     for (int i = 0; i < 3; ++i) mapper.insert(keyframe(true, Label::chair, false));
     mapper.finish();
@@ -262,7 +262,7 @@ TEST_CASE("a saved map reads back with labels; two runs give the same bytes; bad
     std::ifstream in(folder.path / name, std::ios::binary);
     return std::string(std::istreambuf_iterator<char>(in), {});
   };
-  CHECK(file("a.ot") == file("b.ot"));
-  const auto tree = load_map(folder.path / "a.ot");
+  CHECK(file("a.sot") == file("b.sot"));
+  const auto tree = load_map(folder.path / "a.sot");
   CHECK(query_point(*tree, {0.02, 0.02, 1.01}).label == static_cast<std::uint8_t>(Label::chair));
 }

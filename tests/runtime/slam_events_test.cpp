@@ -59,7 +59,7 @@ struct Log {
   }
   [[nodiscard]] SlamEvents events() {
     SlamEvents e;
-    const auto at = [](double t) { return " " + std::to_string(t); };
+    const auto at = [](double t) { return std::string(" ").append(std::to_string(t)); };
     e.keyframe = [this, at](const KeyframeEvent& k) {
       lines.push_back("keyframe" + at(k.t) + " " + std::to_string(k.id));
     };

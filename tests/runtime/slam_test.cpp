@@ -126,7 +126,7 @@ TEST_CASE("frames in memory give what a run over their files gives, map and mask
   slam.save_octree(out.path / "own");
   write_trajectory(out.path / "own" / "trajectory.txt", slam.trajectory());
   write_trajectory(out.path / "own" / "keyframes.txt", slam.keyframe_trajectory());
-  for (const char* file : {"trajectory.txt", "keyframes.txt", "map.ot", "map_color.ot"})
+  for (const char* file : {"trajectory.txt", "keyframes.txt", "map.sot", "map_color.ot"})
     CHECK(bytes(out.path / "run" / file) == bytes(out.path / "own" / file));
   CHECK(slam.octree()->size() > 100);
 }

@@ -42,6 +42,7 @@ concept OutputImage = MutableImage<std::remove_reference_t<I>>;
 /// The same for labels and masks, and for depth.
 template <class I>
 concept OutputLabelImage = OutputImage<I> && LabelImage<std::remove_reference_t<I>>;
+/// An image of depths that a function fills: any that it can write to.
 template <class I>
 concept OutputDepthImage = OutputImage<I> && DepthImage<std::remove_reference_t<I>>;
 

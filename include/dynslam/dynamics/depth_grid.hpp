@@ -19,6 +19,7 @@
 
 namespace dynslam {
 
+/// How DepthGrid reduces a depth image.
 struct DepthGridOptions {
   /// Cells across the image. Fewer lose thin limbs, more cost time: 160 are 4 pixels each at 640 x 480, and
   /// what is counted in cells elsewhere is a share of the image whatever its resolution.

@@ -22,6 +22,7 @@
 
 namespace dynslam {
 
+/// Options of FreeSpaceHistory.
 struct FreeSpaceOptions {
   double frame_rate = 30;  ///< of the frames that are remembered [1/s]; what follows is in seconds
   /// Ages of the views that the present one is compared with, ascending [s]: near ones follow what was found,

@@ -18,6 +18,7 @@
 
 namespace dynslam {
 
+/// Options of locate_reference().
 template <std::floating_point S>
 struct LocateOptions {
   /// Searches, each from where the one before puts the camera: what the prediction was too far off for is

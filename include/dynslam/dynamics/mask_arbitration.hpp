@@ -22,12 +22,15 @@ enum class MaskVerdict : std::uint8_t {
   starved,      ///< what it leaves does not make a pose, what it covers does
   one_motion    ///< what it covers moves as the room does, and without it the pose is far less certain
 };
+/// Names of MaskVerdict, in its order.
 inline constexpr std::array<std::string_view, 4> kMaskVerdictNames{"kept", "covers_view", "starved",
                                                                    "one_motion"};
+/// Name of a verdict.
 [[nodiscard]] constexpr std::string_view to_string(MaskVerdict verdict) {
   return kMaskVerdictNames[static_cast<std::size_t>(verdict)];
 }
 
+/// When a mask is put to the test, and what it takes to drop it.
 template <std::floating_point S>
 struct MaskArbitrationOptions {
   S min_left = S(0.2);    ///< share of the features that a mask has to leave

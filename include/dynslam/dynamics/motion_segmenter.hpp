@@ -33,6 +33,7 @@
 
 namespace dynslam {
 
+/// Whether a frame was segmented.
 enum class MotionStatus : std::uint8_t {
   ok,
   size_mismatch  ///< an image of another size than the first one, or than its fellow: nothing was done

@@ -37,6 +37,7 @@ struct OwnReferenceOptions {
   CornerOptions corners;         ///< on the pyramid's level 1, where noise is halved
 };
 
+/// Options of MotionSegmenter.
 template <std::floating_point S>
 struct MotionSegmenterOptions {
   Method method = Method::full;

@@ -30,6 +30,7 @@ struct ReferenceKeypoint {
   bool masked = false;       ///< on something that moved or may move: its matches are marked
 };
 
+/// Options of ReferenceKeyframe.
 struct ReferenceOptions {
   int points = 400;        ///< keypoints that are used at most; more make the weights hardly better
   double max_depth = 5.0;  ///< beyond, depth is too noisy to judge [m]

@@ -48,6 +48,7 @@ template <CameraModel C>
   return KeypointMatch<typename C::ScalarType>{x, *p_ref, x_m, masked};
 }
 
+/// Options of static_weights().
 template <std::floating_point S>
 struct StaticWeightsOptions {
   S nu = S(5);                 ///< degrees of freedom of the t-distribution
@@ -73,11 +74,13 @@ struct StaticWeightsOptions {
   }
 };
 
+/// Whether static_weights() could say something.
 enum class StaticWeightsStatus : std::uint8_t {
   ok,
   too_few_matches  ///< outside the mask: nothing can be said, and weights and flags are empty
 };
 
+/// What became of the epipolar check (Eq 8).
 enum class EpipolarVerdict : std::uint8_t {
   not_applicable,  ///< too few matches, too little parallax, or no F that enough of them agree on
   planar,          ///< one homography explains them: F would be arbitrary, and nothing is judged by it

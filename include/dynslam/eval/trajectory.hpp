@@ -113,6 +113,7 @@ template <std::floating_point S>
   return result;
 }
 
+/// Absolute trajectory error after alignment.
 template <std::floating_point S>
 struct AteResult {
   std::size_t pairs = 0;
@@ -179,6 +180,7 @@ template <std::floating_point S>
   return result;
 }
 
+/// Relative pose error over an interval of time.
 template <std::floating_point S>
 struct RpeResult {
   std::size_t pairs = 0;

@@ -13,6 +13,7 @@
 
 namespace dynslam {
 
+/// What counts as a corner.
 struct CornerOptions {
   int radius = 3;             ///< half side of the window whose gradients are judged [px]
   int border = 11;            ///< pixels at the image's border without corners: room for a patch

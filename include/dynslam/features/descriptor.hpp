@@ -11,6 +11,7 @@ namespace dynslam {
 /// 256-bit binary descriptor (ORB, BRIEF); bit i is bit i % 64 of word i / 64.
 using Descriptor = std::array<std::uint64_t, 4>;
 
+/// Bits of a Descriptor.
 inline constexpr int kDescriptorBits = 256;
 
 /// Hamming distance of two descriptors, 0..256.

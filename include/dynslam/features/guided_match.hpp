@@ -33,6 +33,7 @@ struct GuidedQuery {
   float ratio = 1;
 };
 
+/// The feature that a search chose.
 struct GuidedMatch {
   int feature = -1;  ///< the best, also where it was refused; -1: there was none
   int distance = kDescriptorBits + 1;
@@ -40,6 +41,7 @@ struct GuidedMatch {
   [[nodiscard]] bool ok() const { return accepted; }
 };
 
+/// The filter that takes every feature.
 struct AcceptAll {
   [[nodiscard]] constexpr bool operator()(int /*feature*/) const { return true; }
 };

@@ -15,6 +15,7 @@
 
 namespace dynslam {
 
+/// Options of PlaceIndex.
 struct PlaceIndexOptions {
   int asked = 400;        ///< features of an image that vote, evenly chosen: more tell the same
   int max_distance = 50;  ///< Hamming distance of two views of one corner

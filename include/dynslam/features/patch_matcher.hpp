@@ -31,6 +31,7 @@ struct PointPatch {
   float depth = 0;                                   ///< and depth there [m]
 };
 
+/// Where a patch was found.
 template <std::floating_point S>
 struct PatchMatch {
   Eigen::Matrix<S, 2, 1> x = Eigen::Matrix<S, 2, 1>::Zero();  ///< recorded pixel
@@ -38,6 +39,7 @@ struct PatchMatch {
   float correlation = 0;                                      ///< see PatchAlignmentResult
 };
 
+/// Options of match_patch().
 struct PatchMatchOptions {
   PatchAlignmentOptions<float> alignment;
   float min_gradient = 8.0F;  ///< smaller eigenvalue of the mean gradient product [grey^2/px^2]: textured

@@ -13,6 +13,7 @@
 
 namespace dynslam {
 
+/// Options of search_patch().
 struct PatchSearchOptions {
   /// On each level. A coarse level may look less alike than the patch itself: a mover covers only a part of
   /// it.

@@ -139,8 +139,10 @@ template <std::floating_point S>
 template <std::floating_point S>
 using FundamentalRansacOptions = RansacOptions<S>;
 
+/// How fundamental_ransac ended.
 enum class FundamentalStatus : std::uint8_t { ok, too_few_points, no_consensus };
 
+/// What fundamental_ransac found.
 template <std::floating_point S>
 struct FundamentalResult {
   Eigen::Matrix<S, 3, 3> F = Eigen::Matrix<S, 3, 3>::Zero();

@@ -103,7 +103,9 @@ class SE3 {
   Vector3 t_;
 };
 
+/// Rigid motions in single precision.
 using SE3f = SE3<float>;
+/// Rigid motions in double precision.
 using SE3d = SE3<double>;
 
 }  // namespace dynslam

@@ -125,7 +125,9 @@ class SO3 {
   Quaternion q_;
 };
 
+/// Rotations in single precision.
 using SO3f = SO3<float>;
+/// Rotations in double precision.
 using SO3d = SO3<double>;
 
 }  // namespace dynslam

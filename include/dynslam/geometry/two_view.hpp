@@ -24,6 +24,7 @@ enum class TwoViewModel : std::uint8_t {
   fundamental  ///< the depth of the scene shows: epipolar lines
 };
 
+/// Options of two_view_geometry().
 template <std::floating_point S>
 struct TwoViewOptions {
   RansacOptions<S> ransac;  ///< of both models; thresholds in ideal pixels
@@ -36,6 +37,7 @@ struct TwoViewOptions {
   S min_off_plane = S(0.1);
 };
 
+/// The model that explains two views, and what each match is off it.
 template <std::floating_point S>
 struct TwoViewResult {
   TwoViewModel model = TwoViewModel::none;

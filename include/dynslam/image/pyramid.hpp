@@ -32,6 +32,7 @@ template <std::floating_point S, ImagePyramidLike P>
   const Eigen::Vector2d scale = pyramid.scale(level);
   return (x.array() + S(0.5)) / scale.cast<S>().array() - S(0.5);
 }
+/// The way back: pixel of the base from a pixel of `level`.
 template <std::floating_point S, ImagePyramidLike P>
 [[nodiscard]] Eigen::Matrix<S, 2, 1> to_base(const P& pyramid, const Eigen::Matrix<S, 2, 1>& x, int level) {
   const Eigen::Vector2d scale = pyramid.scale(level);

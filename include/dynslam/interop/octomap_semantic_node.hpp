@@ -197,6 +197,7 @@ std::istream& BasicSemanticOcTreeNode<N>::readData(std::istream& s) {
   return s;
 }
 
+/// A node of this library's own maps.
 using SemanticOcTreeNode = BasicSemanticOcTreeNode<kMapLabels>;
 static_assert(sizeof(SemanticOcTreeNode) == sizeof(void*) + 16);
 

@@ -229,6 +229,7 @@ class BasicSemanticOcTree : public octomap::OccupancyOcTreeBase<BasicSemanticOcT
   }
 };
 
+/// The tree of this library's own maps.
 using SemanticOcTree = BasicSemanticOcTree<kMapLabels>;
 
 /// In every program that includes this header OctoMap's readers know the type. Trees of other numbers of

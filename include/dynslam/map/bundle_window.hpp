@@ -19,6 +19,7 @@
 
 namespace dynslam {
 
+/// Which keyframes and points BundleWindow takes.
 template <std::floating_point S = double>
 struct BundleWindowOptions {
   int window = 10;         ///< keyframes adjusted: the newest and those that share most points with it

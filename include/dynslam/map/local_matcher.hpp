@@ -20,6 +20,7 @@
 
 namespace dynslam {
 
+/// Options of LocalMatcher.
 template <std::floating_point S>
 struct LocalMatchOptions {
   int max_distance =

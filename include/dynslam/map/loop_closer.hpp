@@ -26,6 +26,7 @@
 
 namespace dynslam {
 
+/// When LoopCloser closes a loop.
 template <std::floating_point S = double>
 struct LoopOptions {
   int min_votes = 25;        ///< descriptors in common from which geometry is asked

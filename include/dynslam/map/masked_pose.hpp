@@ -19,6 +19,7 @@
 
 namespace dynslam {
 
+/// A pose, and the mask that was believed for it.
 template <std::floating_point S>
 struct MaskedPoseResult {
   PoseResult<S> pose;

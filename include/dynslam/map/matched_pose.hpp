@@ -19,6 +19,7 @@
 
 namespace dynslam {
 
+/// Options of MatchedPose.
 template <std::floating_point S>
 struct MatchedPoseOptions {
   S nu = S(5);                 ///< degrees of freedom of the t-distribution

@@ -25,6 +25,7 @@
 
 namespace dynslam {
 
+/// When PlaceVerifier believes that an image was taken at a place it knows.
 template <std::floating_point S = double>
 struct PlaceOptions {
   int min_matches = 15;         ///< by descriptor, before geometry is asked
@@ -44,6 +45,7 @@ struct PlaceOptions {
   std::uint64_t seed = 1;       ///< of the samples; a frame's index is added
 };
 
+/// Whether a place was recognised, or what spoke against it.
 enum class PlaceStatus : std::uint8_t {
   found,
   too_few_matches,  ///< the descriptors, or the points searched from the pose, agree too seldom

@@ -20,6 +20,7 @@
 
 namespace dynslam {
 
+/// Which features become points of the map.
 template <std::floating_point S>
 struct PointMakerOptions {
   S max_depth = S(8);      ///< farther depth makes no points [m]; noise grows with z^2, weights follow

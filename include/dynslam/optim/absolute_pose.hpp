@@ -19,6 +19,7 @@
 
 namespace dynslam {
 
+/// Options of absolute_pose.
 template <Scalar S>
 struct AbsolutePoseOptions {
   int hypotheses = 300;     ///< minimal samples at most; fewer once the best one's inliers allow it
@@ -27,12 +28,14 @@ struct AbsolutePoseOptions {
   std::uint64_t seed = 1;   ///< same seed, same result
 };
 
+/// How the search for an absolute pose ended.
 enum class AbsolutePoseStatus : std::uint8_t {
   found,
   too_few_observations,  ///< fewer than three with depth
   no_consensus           ///< no sample gave a pose
 };
 
+/// A pose found without a start value, and how well it fits.
 template <Scalar S>
 struct AbsolutePoseResult {
   AbsolutePoseStatus status = AbsolutePoseStatus::too_few_observations;

@@ -41,6 +41,7 @@ struct BundleProblem {
   std::span<const BundleObservation<S>> observations;  ///< sorted by point
 };
 
+/// Options of bundle_adjust.
 template <Scalar S>
 struct BundleOptions {
   int max_iterations = 10;  ///< solved systems, refused steps included
@@ -52,6 +53,7 @@ struct BundleOptions {
                              ///< without depth leaves the distance open, which is held by this
 };
 
+/// How an adjustment ended.
 enum class BundleStatus : std::uint8_t {
   converged,
   max_iterations,  ///< still decreasing; the result is usable
@@ -61,6 +63,7 @@ enum class BundleStatus : std::uint8_t {
   bad_input        ///< sizes that disagree, observations unsorted or out of range, or a non-finite cost
 };
 
+/// What bundle_adjust did; poses and points are changed in place.
 template <Scalar S>
 struct BundleResult {
   BundleStatus status = BundleStatus::bad_input;

@@ -23,6 +23,7 @@ struct LevenbergMarquardtOptions {
                                  ///< refused step, since more damping may make it solvable
 };
 
+/// How levenberg_marquardt ended.
 enum class LevenbergMarquardtStatus : std::uint8_t {
   converged,
   max_iterations,  ///< still decreasing
@@ -30,6 +31,7 @@ enum class LevenbergMarquardtStatus : std::uint8_t {
   unsolvable       ///< the system has no solution (with stop_unsolvable)
 };
 
+/// What levenberg_marquardt reached.
 template <std::floating_point S>
 struct LevenbergMarquardtResult {
   LevenbergMarquardtStatus status = LevenbergMarquardtStatus::max_iterations;

@@ -15,6 +15,7 @@
 
 namespace dynslam {
 
+/// Options of AlignmentPatch::align.
 template <std::floating_point S>
 struct PatchAlignmentOptions {
   int max_iterations = 10;
@@ -23,6 +24,7 @@ struct PatchAlignmentOptions {
   S min_correlation = S(0.8);  ///< zero-mean normalised cross-correlation at the result
 };
 
+/// How AlignmentPatch::align ended.
 enum class PatchAlignmentStatus : std::uint8_t {
   found,
   max_iterations,  ///< still moving
@@ -31,6 +33,7 @@ enum class PatchAlignmentStatus : std::uint8_t {
   unlike           ///< converged, but correlates too little
 };
 
+/// Where AlignmentPatch::align found the patch.
 template <std::floating_point S>
 struct PatchAlignmentResult {
   Eigen::Matrix<S, 2, 1> x;  ///< position of the patch's origin in the image [px]

@@ -23,6 +23,7 @@
 
 namespace dynslam {
 
+/// Options of optimize_pose.
 template <Scalar S>
 struct PoseOptions {
   int rounds = 3;          ///< optimisations, each followed by a new choice of inliers
@@ -37,6 +38,7 @@ struct PoseOptions {
   S initial_damping = S(1e-4), min_damping = S(1e-9);  ///< lambda of Levenberg-Marquardt (see there)
 };
 
+/// How optimize_pose ended.
 enum class PoseStatus : std::uint8_t {
   converged,
   max_iterations,        ///< the last round still moved when its iterations ended; the pose is usable
@@ -45,6 +47,7 @@ enum class PoseStatus : std::uint8_t {
   diverged               ///< non-finite input or no point in front of the camera
 };
 
+/// The pose that optimize_pose found, and how certain it is.
 template <Scalar S>
 struct PoseResult {
   SE3<S> T_c_w;

@@ -22,6 +22,7 @@
 
 namespace dynslam {
 
+/// Options of pose_consensus.
 template <Scalar S>
 struct PoseConsensusOptions {
   int hypotheses = 120;  ///< minimal samples that are tried
@@ -38,12 +39,14 @@ struct PoseConsensusOptions {
   S prior_rotation = S(0.03);     ///< standard deviation [rad]
 };
 
+/// How pose_consensus ended.
 enum class PoseConsensusStatus : std::uint8_t {
   found,
   too_few_observations,  ///< fewer than three: the prediction and its alternatives were compared alone
   bad_input              ///< weights of another number than the observations, or not finite and >= 0
 };
 
+/// The motion that most observations agree on.
 template <Scalar S>
 struct PoseConsensusResult {
   PoseConsensusStatus status = PoseConsensusStatus::too_few_observations;

@@ -37,6 +37,7 @@ struct PoseGraph {
   std::span<const PoseGraphEdge<S>> edges;
 };
 
+/// Options of optimize_pose_graph.
 template <Scalar S>
 struct PoseGraphOptions {
   int max_iterations = 50;  ///< solved systems, refused steps included
@@ -47,6 +48,7 @@ struct PoseGraphOptions {
   S max_damping = S(1e8);           ///< beyond, the graph has stalled
 };
 
+/// How optimize_pose_graph ended.
 enum class PoseGraphStatus : std::uint8_t {
   converged,
   max_iterations,  ///< still decreasing; the result is usable
@@ -56,6 +58,7 @@ enum class PoseGraphStatus : std::uint8_t {
   bad_input        ///< sizes that disagree, edges out of range or from a pose to itself, or a non-finite cost
 };
 
+/// What optimize_pose_graph did; the poses are changed in place.
 template <Scalar S>
 struct PoseGraphResult {
   PoseGraphStatus status = PoseGraphStatus::bad_input;

@@ -25,6 +25,7 @@ template <Scalar S>
 [[nodiscard]] bool measures_depth(const S& depth, const S& inv_sigma_z2) {
   return S(0) < inv_sigma_z2 && S(0) < depth && depth < S(std::numeric_limits<double>::infinity());
 }
+/// The same for an observation.
 template <Scalar S>
 [[nodiscard]] bool measures_depth(const PoseObservation<S>& o) {
   return measures_depth(o.depth, o.inv_sigma_z2);

@@ -114,6 +114,7 @@ int connected_components(const Mask& mask, Connectivity connectivity, Labels&& l
     detail::fill_run(labels, workspace.runs[i], static_cast<Label>(workspace.number[i]));
   return n;
 }
+/// The same with memory of its own.
 template <LabelImage Mask, OutputLabelImage Labels>
 int connected_components(const Mask& mask, Connectivity connectivity, Labels&& labels,
                          std::vector<int>& counts) {

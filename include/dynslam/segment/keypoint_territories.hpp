@@ -26,11 +26,13 @@ struct VerdictSite {
   bool moving = false;
 };
 
+/// How far a keypoint speaks for the surface around it.
 struct TerritoryOptions {
   int reach = 12;         ///< steps over the surface within which a keypoint speaks for it; 0: for nothing
   int min_keypoints = 8;  ///< moving ones that together make a surface move; fewer may all be wrong
 };
 
+/// Memory of keypoint territories; keep it between calls to avoid allocation.
 struct TerritoryWorkspace {
   std::vector<PixelIndex> front, next;
   Image<std::uint8_t> owner;

@@ -117,6 +117,7 @@ template <LabelImage In, OutputLabelImage Out>
 void dilate(const In& in, Out&& out, int radius, MaskWorkspace& workspace) {
   detail::morphology(in, out, radius, true, workspace);
 }
+/// The same with memory of its own.
 template <LabelImage In, OutputLabelImage Out>
 void dilate(const In& in, Out&& out, int radius) {
   MaskWorkspace workspace;
@@ -129,6 +130,7 @@ template <LabelImage In, OutputLabelImage Out>
 void erode(const In& in, Out&& out, int radius, MaskWorkspace& workspace) {
   detail::morphology(in, out, radius, false, workspace);
 }
+/// The same with memory of its own.
 template <LabelImage In, OutputLabelImage Out>
 void erode(const In& in, Out&& out, int radius) {
   MaskWorkspace workspace;
@@ -153,6 +155,7 @@ void remove_small(Mask&& mask, int min_pixels, MaskWorkspace& workspace) {
       detail::fill_run(mask, found.runs[i], typename std::remove_reference_t<Mask>::Pixel(0));
   }
 }
+/// The same with memory of its own.
 template <OutputLabelImage Mask>
 void remove_small(Mask&& mask, int min_pixels) {
   MaskWorkspace workspace;
@@ -181,10 +184,12 @@ void fill_holes(Mask&& mask, int max_pixels, Connectivity holes, MaskWorkspace& 
     if (count != kOpen && count <= max_pixels) detail::fill_run(mask, found.runs[i], detail::kMaskSet<Mask>);
   }
 }
+/// The same for holes that are connected by sides.
 template <OutputLabelImage Mask>
 void fill_holes(Mask&& mask, int max_pixels, MaskWorkspace& workspace) {
   fill_holes(mask, max_pixels, Connectivity::four, workspace);
 }
+/// The same for holes that are connected by sides, with memory of its own.
 template <OutputLabelImage Mask>
 void fill_holes(Mask&& mask, int max_pixels) {
   MaskWorkspace workspace;

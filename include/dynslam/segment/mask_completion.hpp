@@ -56,11 +56,13 @@ std::size_t complete_surfaces(const D& depth, Mask&& mask, const Criterion& crit
   return added;
 }
 
+/// How far a mask reaches into pixels without depth.
 struct UnmeasuredOptions {
   double reach = 1 / 20.0;  ///< how far a mask may enter what has no depth, as a share of the image's width
   double contrast = 20;     ///< grey levels on the way that cost as much as the whole reach
 };
 
+/// Memory of that; keep it between calls to avoid allocation.
 struct UnmeasuredWorkspace {
   Image<std::uint16_t> to_mask, to_rest;  ///< cost from there, of pixels without depth
   std::vector<PixelIndex> touched;

@@ -30,11 +30,13 @@ struct MaskGrowingOptions {
   RelativeStep<float> step{0.03F, 0.010F};  ///< between neighbouring pixels [m, 1/m]: the sensor's noise
 };
 
+/// What the growing of a motion mask did.
 struct MaskGrowingResult {
   int seeds = 0;           ///< pixels that started the growing
   int regions_leaked = 0;  ///< dropped by the guard
 };
 
+/// Memory of the growing; keep it between calls to avoid allocation.
 struct MaskGrowingWorkspace {
   RegionGrowingWorkspace growing;
   MaskWorkspace morphology;

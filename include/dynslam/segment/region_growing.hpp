@@ -19,10 +19,12 @@
 
 namespace dynslam {
 
+/// A pixel by its column and row.
 struct PixelIndex {
   int u, v;
 };
 
+/// Options of grow_regions.
 struct RegionGrowingOptions {
   /// Share of the valid depth beyond which a region has leaked, and is dropped: no mover fills most of the
   /// view.
@@ -34,11 +36,13 @@ struct RegionGrowingOptions {
   Connectivity connectivity = Connectivity::four;
 };
 
+/// Whether grow_regions could begin.
 enum class RegionGrowingStatus : std::uint8_t {
   success,
   size_mismatch  ///< mask or barrier differ in size from the depth image; nothing was written
 };
 
+/// What grow_regions kept and dropped.
 struct RegionGrowingResult {
   RegionGrowingStatus status = RegionGrowingStatus::success;
   int regions = 0;         ///< kept

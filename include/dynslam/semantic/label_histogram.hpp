@@ -94,6 +94,7 @@ class LabelHistogram {
   std::array<std::uint8_t, N> votes_{};
 };
 
+/// Votes for the classes of this library's own maps.
 using MapLabels = LabelHistogram<kMapLabels>;
 
 }  // namespace dynslam

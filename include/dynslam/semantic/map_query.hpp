@@ -31,6 +31,7 @@ struct BasicMapCell {
   double distance = 0;  ///< from where was asked to the nearest point of the cell
 };
 using MapCell = BasicMapCell<MapVoxel>;  ///< of this library's own maps
+/// The cells of a map of type M.
 template <VoxelMap M>
 using MapCellOf = BasicMapCell<typename M::Voxel>;
 
@@ -74,6 +75,7 @@ bool query_box(const M& map, const QueryVector& low, const QueryVector& high, in
   return true;
 }
 
+/// What a ray came upon.
 enum class RayStatus : std::uint8_t {
   free,          ///< nothing occupied up to max_range or the border of the grid
   hit,           ///< an occupied cell
@@ -82,6 +84,7 @@ enum class RayStatus : std::uint8_t {
   bad_input      ///< NaN, no direction, a range that is not above 0, or a level that is none
 };
 
+/// Options of cast_ray.
 struct RayOptions {
   double max_range = 0;  ///< [m] above 0, may be infinite
   bool stop_at_unknown =
@@ -103,7 +106,9 @@ struct BasicRayResult {
   /// Whether something ends the way.
   [[nodiscard]] bool blocked() const { return status == RayStatus::hit || status == RayStatus::unknown; }
 };
+/// Answers of this library's own maps.
 using RayResult = BasicRayResult<MapVoxel>;
+/// Answers of a map of type M.
 template <VoxelMap M>
 using RayResultOf = BasicRayResult<typename M::Voxel>;
 
@@ -177,12 +182,14 @@ template <VoxelMap M>
   return result;
 }
 
+/// Whether something occupied is near.
 enum class NearestStatus : std::uint8_t {
   none,      ///< no occupied cell within the radius
   found,     ///< `cell`
   bad_input  ///< NaN, an infinite point, a radius below 0, or a level that is none
 };
 
+/// The occupied cell that is nearest to a point.
 template <class Voxel>
 struct BasicNearestResult {
   NearestStatus status = NearestStatus::bad_input;
@@ -190,7 +197,9 @@ struct BasicNearestResult {
   [[nodiscard]] bool ok() const { return status != NearestStatus::bad_input; }
   [[nodiscard]] bool found() const { return status == NearestStatus::found; }
 };
+/// Answers of this library's own maps.
 using NearestResult = BasicNearestResult<MapVoxel>;
+/// Answers of a map of type M.
 template <VoxelMap M>
 using NearestResultOf = BasicNearestResult<typename M::Voxel>;
 

@@ -52,6 +52,7 @@ struct BasicVoxelEnd {
     return mean;
   }
 };
+/// An end of this library's own maps.
 using VoxelEnd = BasicVoxelEnd<kMapLabels>;
 
 /// 8 x 8 x 8 voxels of a scan; bits are in Morton order, so word o is the octant o, byte b of it the octant b
@@ -333,6 +334,7 @@ class BasicScanVoxels {
   std::vector<std::uint32_t> order_;
 };
 
+/// A scan for this library's own maps.
 using ScanVoxels = BasicScanVoxels<kMapLabels>;
 
 /// Gathers a scan by the rules of OctoMap's insertPointCloud, so that the same voxels are hit and missed:

@@ -30,9 +30,11 @@ inline constexpr int kVoxelLevels = 16;
 /// A key in one word: 21 bits per axis (16 used), so that a step along an axis is one addition.
 using PackedKey = std::uint64_t;
 
+/// A key as one word.
 [[nodiscard]] constexpr PackedKey pack(const VoxelKey& key) {
   return PackedKey(key[0]) | PackedKey(key[1]) << 21 | PackedKey(key[2]) << 42;
 }
+/// The key that pack() made a word of.
 [[nodiscard]] constexpr VoxelKey unpack(PackedKey p) {
   return {{static_cast<std::uint16_t>(p & 0xFFFF), static_cast<std::uint16_t>(p >> 21 & 0xFFFF),
            static_cast<std::uint16_t>(p >> 42 & 0xFFFF)}};

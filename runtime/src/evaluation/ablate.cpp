@@ -238,7 +238,7 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
   write_overlays(result, sequence, options.out);
   if (options.map) {
     const AblationRow& last = result.rows.back();
-    const auto tree = load_map(options.out / std::string(to_string(last.mode)) / "map.ot");
+    const auto tree = load_map(options.out / std::string(to_string(last.mode)) / kMapFile);
     const SE3<double> start = last.run.trajectory.empty() ? SE3<double>() : last.run.trajectory.front().T_w_c;
     const MapView view = fit_view(*tree, view_behind(start));
     write_image(options.out / "map.png", render_map(*tree, view));

@@ -23,6 +23,9 @@ namespace fs = std::filesystem;
 using interop::SemanticOcTree;
 using Node = interop::SemanticOcTreeNode;
 
+constexpr const char* kType = "SemanticOcTree";
+constexpr const char *kTextStart = "# Octomap OcTree file", *kBinaryStart = "# Octomap OcTree binary file";
+
 /// Header of OctoMap's files. @param kind  "file" (.ot) or "binary file" (.bt)
 void write_header(std::ostream& out, const SemanticOcTree& tree, const char* kind, const char* type) {
   out << "# Octomap OcTree " << kind
@@ -59,6 +62,48 @@ void write_ply(std::ostream& out, const SemanticOcTree& tree) {
          "property uchar blue\nproperty uchar label\nproperty float confidence\nproperty float "
          "edge\nend_header\n"
       << vertices;
+}
+
+void write_map(std::ostream& out, const SemanticOcTree& tree) {
+  write_header(out, tree, "file", kType);
+  tree.writeData(out);
+}
+
+struct Header {
+  std::string first, type;
+  double resolution = 0;
+  std::size_t size = 0;
+  bool ends = false;
+};
+
+/// Line by line, with a bound: a foreign file may have no line end at all. What follows the first line is
+/// read where that is OctoMap's.
+Header read_header(std::istream& in) {
+  const auto line = [&] {
+    std::string text;
+    for (int c = in.get(); c != '\n' && c != std::istream::traits_type::eof() && text.size() < 256;
+         c = in.get())
+      text += static_cast<char>(c);
+    return text;
+  };
+  Header header;
+  header.first = line();
+  if (!header.first.starts_with(kTextStart)) return header;
+  for (int n = 0; n <= 100; ++n) {
+    const std::string text = line();
+    if (!in) break;
+    if (text == "data") {
+      header.ends = true;
+      break;
+    }
+    std::istringstream words(text);
+    std::string word;
+    words >> word;
+    if (word == "id") words >> header.type;
+    if (word == "res") words >> header.resolution;
+    if (word == "size") words >> header.size;
+  }
+  return header;
 }
 
 }  // namespace
@@ -105,46 +150,39 @@ void save_map(const SemanticOcTree& tree, const fs::path& path) {
   // OctoMap's own file functions print to the terminal when a path cannot be written; its stream functions do
   // not.
   AtomicFile file(path);
-  write_header(file.stream(), tree, "file", "SemanticOcTree");
-  tree.writeData(file.stream());
+  write_map(file.stream(), tree);
   file.commit();
+}
+
+fs::path map_file_in(const fs::path& folder) {
+  const bool earlier = !fs::exists(folder / kMapFile) && fs::exists(folder / kEarlierMapFile);
+  return folder / (earlier ? kEarlierMapFile : kMapFile);
+}
+
+bool is_semantic_map(const fs::path& path) {
+  std::error_code error;
+  std::ifstream in;
+  if (fs::is_regular_file(path, error)) in.open(path, std::ios::binary);
+  return in.is_open() && read_header(in).type == kType;
 }
 
 std::unique_ptr<SemanticOcTree> load_map(const fs::path& path) {
   const auto fail = [&](const std::string& reason) -> InputError { return {path.string(), 0, reason}; };
-  if (!fs::exists(path)) throw fail("does not exist");
+  if (!fs::exists(path)) {
+    const bool renamed = path.filename() == kEarlierMapFile && fs::exists(map_file_in(path.parent_path()));
+    throw fail(renamed ? fmt::format("does not exist; {} beside it does", kMapFile) : "does not exist");
+  }
   if (fs::is_directory(path)) throw fail("is a folder, not a map");
   check_regular_file(path);
   std::ifstream in(path, std::ios::binary);
   if (!in) throw fail("cannot be opened");
-  // Line by line, with a bound: a foreign file may have no line end at all.
-  std::string type;
-  double resolution = 0;
-  std::size_t size = 0;
-  const auto line = [&] {
-    std::string text;
-    for (int c = in.get(); c != '\n' && c != std::ifstream::traits_type::eof() && text.size() < 256;
-         c = in.get())
-      text += static_cast<char>(c);
-    return text;
-  };
-  const std::string first = line();
-  if (first.rfind("# Octomap OcTree binary file", 0) == 0)
-    throw fail("is a .bt file, which has no labels; give the .ot");
-  if (first.rfind("# Octomap OcTree file", 0) != 0) throw fail("is not an OctoMap file");
-  for (int n = 0;; ++n) {
-    const std::string text = line();
-    if (!in || n > 100) throw fail("has an OctoMap header that does not end");
-    if (text == "data") break;
-    std::istringstream words(text);
-    std::string word;
-    words >> word;
-    if (word == "id") words >> type;
-    if (word == "res") words >> resolution;
-    if (word == "size") words >> size;
-  }
-  if (type != "SemanticOcTree")
-    throw fail(fmt::format("is a map of type '{}', which has no labels; expected SemanticOcTree", type));
+  const auto [first, type, resolution, size, ends] = read_header(in);
+  if (first.starts_with(kBinaryStart))
+    throw fail(fmt::format("is a .bt file, which has no labels; give the {}", kMapFile));
+  if (!first.starts_with(kTextStart)) throw fail("is not an OctoMap file");
+  if (!ends) throw fail("has an OctoMap header that does not end");
+  if (type != kType)
+    throw fail(fmt::format("is a map of type '{}', which has no labels; expected {}", type, kType));
   if (!(resolution >= 1e-6 && resolution <= 1e6)) throw fail("has no valid resolution");
   auto tree = std::make_unique<SemanticOcTree>(resolution);
   if (size > 0) {
@@ -160,6 +198,7 @@ std::unique_ptr<SemanticOcTree> load_map(const fs::path& path) {
 void export_map(const SemanticOcTree& tree, const fs::path& path) {
   const std::string extension = path.extension().string();
   const auto writer = [&]() -> std::function<void(std::ostream&)> {
+    if (extension == ".sot") return [&](std::ostream& out) { write_map(out, tree); };
     if (extension == ".ot") {
       return [&](std::ostream& out) {
         write_header(out, tree, "file", "ColorOcTree");
@@ -176,7 +215,8 @@ void export_map(const SemanticOcTree& tree, const fs::path& path) {
     if (extension == ".txt") return [&](std::ostream& out) { out << to_text(summarize(tree)); };
     if (extension == ".json")
       return [&](std::ostream& out) { out << to_json(summarize(tree)).dump(2) << '\n'; };
-    throw UsageError(fmt::format("'{}': the extension is none of .ot .bt .ply .txt .json", path.string()));
+    throw UsageError(
+        fmt::format("'{}': the extension is none of .sot .ot .bt .ply .txt .json", path.string()));
   }();
   AtomicFile file(path);
   writer(file.stream());

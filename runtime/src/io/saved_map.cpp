@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "dynslam/runtime/io/atomic_file.hpp"
+#include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/slam/feature_extractor.hpp"
 #include "io/binary_file.hpp"
@@ -25,8 +26,8 @@ constexpr std::uint32_t kKeyframesVersion = 1;
 constexpr int kMaxOctave = FeatureOptions{}.levels - 1;
 constexpr float kFarPixel = 1e6F;  // a lens puts the corners of no image further out
 
-constexpr const char *kKeyframes = "keyframes.bin", *kScans = "scans.bin", *kOctree = "map.ot";
-constexpr std::array<std::string_view, 3> kMapFiles{kKeyframes, kScans, kOctree};
+constexpr const char *kKeyframes = "keyframes.bin", *kScans = "scans.bin";
+constexpr std::array<std::string_view, 4> kMapFiles{kKeyframes, kScans, kMapFile, kEarlierMapFile};
 
 // What is written as a block of memory.
 static_assert(std::is_trivially_copyable_v<Feature> && sizeof(Feature) == 32);
@@ -188,12 +189,12 @@ void save_slam_map(const LocalMap& map, const CameraConfig& camera, const Semant
   const std::uint64_t id = write_binary(draft.path() / kKeyframes, kKeyframesMagic, kKeyframesVersion, out);
   if (mapper != nullptr) {
     mapper->save_scans(draft.path() / kScans, id, names);
-    mapper->save(draft.path() / kOctree);
+    mapper->save(draft.path() / kMapFile);
   } else if (!otherwise.folder.empty() && fs::exists(otherwise.folder / kScans)) {
     copy_scans(otherwise.folder / kScans, otherwise.map_id, draft.path() / kScans, id);
-    if (fs::exists(otherwise.folder / kOctree))
-      write_file(draft.path() / kOctree,
-                 read_file(otherwise.folder / kOctree, std::numeric_limits<std::uint64_t>::max()));
+    const fs::path octree = map_file_in(otherwise.folder);
+    if (fs::exists(octree))
+      write_file(draft.path() / kMapFile, read_file(octree, std::numeric_limits<std::uint64_t>::max()));
   }
   draft.publish();
   clear_leftovers(folder, kMapFiles);
@@ -203,7 +204,7 @@ LocalMap load_slam_map(const fs::path& folder, const CameraConfig& camera, std::
   if (!restore_folder(folder, kMapFiles) || !fs::is_directory(folder))
     throw InputError(folder.string(), 0, "is not a folder with a saved map");
   BinaryReader in = read_binary(folder / kKeyframes, kKeyframesMagic, kKeyframesVersion, kKeyframesVersion);
-  in.require(fs::exists(folder / kScans) || !fs::exists(folder / kOctree),
+  in.require(fs::exists(folder / kScans) || !fs::exists(map_file_in(folder)),
              "has an octree beside it, but not the scans that it was made of (scans.bin)");
   BinaryWriter expected;
   put(expected, camera);

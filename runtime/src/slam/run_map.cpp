@@ -2,6 +2,7 @@
 #include "slam/run_map.hpp"
 
 #include <opencv2/imgproc.hpp>
+#include <system_error>
 #include <utility>
 
 #include "dynslam/runtime/io/map_io.hpp"
@@ -53,7 +54,9 @@ void RunMap::follow(const LocalMap& map) {
 }
 
 void RunMap::save(const std::filesystem::path& out) {
-  mapper_.save(out / "map.ot");
+  mapper_.save(out / kMapFile);
+  std::error_code ignored;  // the map of an earlier run by dynslam 0.1.0: this one takes its place
+  if (is_semantic_map(out / kEarlierMapFile)) std::filesystem::remove(out / kEarlierMapFile, ignored);
   export_map(mapper_.tree(), out / "map_color.ot");
 }
 

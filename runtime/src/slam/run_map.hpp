@@ -34,7 +34,7 @@ class RunMap {
   void follow(const LocalMap& map);
   /// Waits until everything is in the tree. @throws what the mapper's thread met
   void finish() { mapper_.finish(); }
-  /// Writes map.ot, and map_color.ot for octovis, which knows no labels. Call finish() first.
+  /// Writes map.sot, and map_color.ot for octovis, which knows no labels. Call finish() first.
   /// @throws InputError
   void save(const std::filesystem::path& out);
 

@@ -21,7 +21,9 @@ enum class Schedule {
   deterministic,  ///< each is waited for: the same frames give the same results
   live            ///< the oldest are dropped: the results depend on the machine's speed
 };
+/// A schedule by its name; empty: there is none of that name.
 [[nodiscard]] std::optional<Schedule> parse_schedule(std::string_view name);
+/// Name of a schedule.
 [[nodiscard]] std::string_view to_string(Schedule schedule);
 
 /// A frame that was tracked while the camera went on.
@@ -39,6 +41,7 @@ struct LiveResult {
   [[nodiscard]] bool mask_carried() const { return mask_age && *mask_age > 0; }
 };
 
+/// Options of LiveSlam.
 struct LiveOptions {
   std::size_t queue = 1;  ///< frames that wait beside the two at work; one too many drops the oldest
   double mask_age = 1.5;  ///< time that a network's masks are carried forward at most [s]
@@ -48,6 +51,7 @@ struct LiveOptions {
   std::function<double()> clock{};
 };
 
+/// What LiveSlam has done so far.
 struct LiveStatistics {
   std::size_t pushed = 0;                                       ///< frames that came
   std::size_t dropped = 0;                                      ///< of these, never tracked

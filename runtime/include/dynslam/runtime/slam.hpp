@@ -23,6 +23,7 @@
 
 namespace dynslam::runtime {
 
+/// Options of Slam; the defaults need no network.
 struct SlamOptions {
   DynamicsMode dynamics = DynamicsMode::geometric;
   /// A network whose masks are taken where none are given, on the calling thread; needs `semantic` or `both`.
@@ -103,7 +104,7 @@ class Slam {
   /// Goes on in a map that was saved: the camera is lost until it finds itself there. Call it before the
   /// first frame. @throws InputError naming the file
   void load(const std::filesystem::path& folder);
-  /// Writes the octree as map.ot, and as map_color.ot for octovis. @throws InputError
+  /// Writes the octree as map.sot, and as map_color.ot for octovis. @throws InputError
   void save_octree(const std::filesystem::path& folder);
   /// Forgets all frames and maps.
   void reset();

@@ -49,6 +49,7 @@ struct ConfigField {
   ConfigValue value;
   [[nodiscard]] std::string name() const { return table + '.' + key; }
 };
+/// The fields of a configuration, in the order of its file.
 using ConfigFields = std::vector<ConfigField>;
 
 /// Every field of a run's options that has an effect, in the order of the file. Not among them: the sequence,

@@ -25,6 +25,7 @@ struct AblationRow {
   std::optional<MaskReport> masks;  ///< where the sequence has dynamic_mask/ and was run in full
 };
 
+/// All modes on one sequence.
 struct Ablation {
   std::string sequence;
   Method method = Method::full;
@@ -41,8 +42,8 @@ struct Ablation {
 }
 
 /// Runs a sequence in all four modes (the paper's Table 4), which differ by their masks alone, into
-/// out/<mode>/ and writes tables.txt, tables.md, ablation.json, trajectory_<mode>.png (Fig. 5), overlays.png
-/// (Fig. 3), <mode>/overlays/<stamp>.png, ate_over_time.png, map.png and map_height.png.
+/// `out/<mode>/` and writes tables.txt, tables.md, ablation.json, `trajectory_<mode>.png` (Fig. 5),
+/// overlays.png (Fig. 3), `<mode>/overlays/<stamp>.png`, ate_over_time.png, map.png and map_height.png.
 /// `options.tracker.method` says which segmentation and tracking; what the modes have in common is
 /// ablation_additions(), unless the options say it.
 /// A-priori masks come from `options.masks` or from the sequence's own label/ folder.
@@ -55,7 +56,9 @@ struct Ablation {
 [[nodiscard]] std::vector<Table> tables(const Ablation& ablation);
 /// The tables and what has to be said about them, for a terminal.
 [[nodiscard]] std::string to_text(const Ablation& ablation);
+/// The same as tables.md has it.
 [[nodiscard]] std::string to_markdown(const Ablation& ablation);
+/// The same as ablation.json has it.
 [[nodiscard]] nlohmann::json to_json(const Ablation& ablation);
 
 }  // namespace dynslam::runtime

@@ -24,6 +24,7 @@ struct TrajectoryReport {
 [[nodiscard]] TrajectoryReport evaluate_trajectory(std::span<const StampedPose<double>> estimate,
                                                    std::span<const StampedPose<double>> groundtruth,
                                                    const std::string& est_name, const std::string& gt_name);
+/// The same of two files in TUM format.
 [[nodiscard]] TrajectoryReport evaluate_trajectory(const std::filesystem::path& estimate,
                                                    const std::filesystem::path& groundtruth);
 /// The same by folders: `estimate` may be the folder of a run, `groundtruth` that of a sequence, or a bag,
@@ -34,6 +35,7 @@ struct TrajectoryReport {
 /// {"pairs": n, "ate_m": S, "rpe_trans_m": S, "rpe_rot_deg": S}, S = {"rmse", "mean", "median", "std", "min",
 /// "max"}
 [[nodiscard]] nlohmann::json to_json(const TrajectoryReport& report);
+/// As `eval` prints it.
 [[nodiscard]] std::string to_text(const TrajectoryReport& report);
 
 /// Figures of the `eval-masks` command; pixels summed over all frames.
@@ -48,7 +50,9 @@ struct MaskReport {
 /// @throws InputError  missing folders, unreadable images, sizes that differ, no file in common
 [[nodiscard]] MaskReport evaluate_masks(const std::filesystem::path& predicted,
                                         const std::filesystem::path& truth);
+/// As `eval-masks --json` prints it.
 [[nodiscard]] nlohmann::json to_json(const MaskReport& report);
+/// As `eval-masks` prints it.
 [[nodiscard]] std::string to_text(const MaskReport& report);
 
 /// Share of pixels that masks cover, per frame: where nothing moves, false alarms.
@@ -58,7 +62,9 @@ struct MaskShares {
 };
 /// @throws InputError  a missing folder, one without masks, unreadable images
 [[nodiscard]] MaskShares mask_shares(const std::filesystem::path& folder);
+/// As `eval-masks --json` prints it without a truth.
 [[nodiscard]] nlohmann::json to_json(const MaskShares& shares);
+/// As `eval-masks` prints it without a truth.
 [[nodiscard]] std::string to_text(const MaskShares& shares);
 
 }  // namespace dynslam::runtime

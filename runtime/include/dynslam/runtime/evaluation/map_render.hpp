@@ -9,6 +9,7 @@
 
 namespace dynslam::runtime {
 
+/// From where and how a map is drawn.
 struct MapView {
   SE3<double> T_w_c;   ///< viewpoint
   double focal = 700;  ///< pixels

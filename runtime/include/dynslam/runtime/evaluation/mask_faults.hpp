@@ -26,6 +26,7 @@ enum class MaskFault : std::uint8_t {
   empty,
   blobs  ///< others in every frame
 };
+/// Names of MaskFault, in its order.
 inline constexpr std::array<std::string_view, 10> kMaskFaultNames{"object-always",
                                                                   "object-third",
                                                                   "object-first-half",
@@ -36,15 +37,17 @@ inline constexpr std::array<std::string_view, 10> kMaskFaultNames{"object-always
                                                                   "shifted",
                                                                   "empty",
                                                                   "blobs"};
+/// A fault by its name; empty: there is none of that name.
 [[nodiscard]] std::optional<MaskFault> parse_mask_fault(std::string_view name);
 
+/// Which masks are made, of what.
 struct MaskFaultOptions {
   std::filesystem::path sequence;  ///< with ground truth: where the camera is says where the object is seen
   std::string camera;              ///< empty: by the sequence
   std::string format;              ///< of the sequence, see sequence_formats(); empty: by looking at it
   std::string topics;              ///< of a bag, "COLOUR,DEPTH"; empty: by looking at it
   double rate = 30;                ///< frames per second, of formats without time stamps
-  std::filesystem::path out;       ///< folder of <time stamp>.png, for `run --masks`
+  std::filesystem::path out;       ///< folder of `<time stamp>.png`, for `run --masks`
   MaskFault fault = MaskFault::object_always;
   std::uint64_t seed = 1;  ///< of the blobs
 };

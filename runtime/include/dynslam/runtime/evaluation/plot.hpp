@@ -26,6 +26,7 @@ struct Segments {
   std::vector<std::pair<cv::Point2d, cv::Point2d>> pairs;
 };
 
+/// Titles and axes of a plot.
 struct PlotOptions {
   std::string title, x_label, y_label;
   bool equal_axes = false;  ///< the same scale in x and y

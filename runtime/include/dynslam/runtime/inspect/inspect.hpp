@@ -64,6 +64,7 @@ struct SequenceReport {
   std::string command;           ///< to run the sequence
 };
 
+/// Options of inspect_sequence().
 struct InspectOptions {
   SequenceOptions reading;
   std::string camera;      ///< empty: from the sequence
@@ -78,7 +79,9 @@ struct InspectOptions {
 /// What is odd about the camera of a sequence, one line each: against the one that the name of the folder or
 /// the bag speaks of, its centre, its focal lengths.
 [[nodiscard]] std::vector<std::string> camera_doubts(const Sequence& sequence, const CameraConfig& camera);
+/// As `info --json` prints it.
 [[nodiscard]] nlohmann::json to_json(const SequenceReport& report);
+/// As `info` prints it.
 [[nodiscard]] std::string to_text(const SequenceReport& report);
 
 }  // namespace dynslam::runtime

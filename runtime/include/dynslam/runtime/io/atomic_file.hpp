@@ -43,7 +43,7 @@ void write_file(const std::filesystem::path& path, std::string_view content);
 /// Brings the names in a folder to the disk, as far as its file system does that.
 void sync_folder(const std::filesystem::path& folder);
 
-/// PATH.<something>.<suffix> that nothing has, for a temporary file or folder beside `path`.
+/// `PATH.<something>.<suffix>` that nothing has, for a temporary file or folder beside `path`.
 [[nodiscard]] std::filesystem::path unused_name_beside(const std::filesystem::path& path,
                                                        std::string_view suffix);
 

@@ -32,6 +32,7 @@ struct CameraConfig {
 /// of depth has gets 5000 where it has `key = value` lines and 1000 otherwise.
 /// @throws UsageError for a name that is neither, InputError (file, line) for a bad file
 [[nodiscard]] CameraConfig load_camera(const std::string& name_or_file);
+/// The same of a file's text; `file` is its name for error messages.
 [[nodiscard]] CameraConfig parse_camera(std::istream& in, const std::string& file);
 
 /// The camera file of a sequence's folder: camera.txt, camera.yaml, camera.yml or camera.xml; empty: none.

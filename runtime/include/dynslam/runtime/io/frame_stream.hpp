@@ -19,6 +19,7 @@ namespace dynslam::runtime {
 
 struct ImageFeatures;  // of slam/feature_extractor.hpp; reading knows nothing of it
 
+/// A frame in memory, ready for tracking.
 struct RgbdFrame {
   std::size_t index = 0;   ///< in the sequence, broken frames counted; the tracker counts for itself
   double t = 0;            ///< colour time [s]
@@ -37,6 +38,7 @@ struct RgbdFrame {
 [[nodiscard]] RgbdFrame decode_frame(const FrameRecord& record, std::size_t index,
                                      const CameraConfig& camera);
 
+/// Options of FrameStream.
 struct StreamOptions {
   std::size_t queue = 4;                      ///< frames decoded ahead
   std::function<void(RgbdFrame&)> prepare{};  ///< called with each frame on the decoding thread

@@ -15,6 +15,7 @@
 
 namespace dynslam::runtime {
 
+/// Red, green, blue.
 using Rgb = std::array<std::uint8_t, 3>;
 
 /// Colour of a class in pictures and exports.
@@ -25,15 +26,27 @@ using Rgb = std::array<std::uint8_t, 3>;
 /// (never exactly a class's colour, so the class can be told from the colour).
 [[nodiscard]] Rgb voxel_colour(const interop::SemanticOcTreeNode& node);
 
-/// Writes a map as OctoMap's `.ot` of type SemanticOcTree: everything, exactly. Goes through a temporary
-/// file.
+/// Name of the map in the folder of a run and in that of a saved map. It is an OctoMap file, but of a type
+/// that OctoMap's own programs do not know: `.ot` is for those that octovis and octomap_server open.
+inline constexpr const char* kMapFile = "map.sot";
+/// What dynslam 0.1.0 called it.
+inline constexpr const char* kEarlierMapFile = "map.ot";
+/// The map in a folder: kMapFile, or kEarlierMapFile where there is only that.
+[[nodiscard]] std::filesystem::path map_file_in(const std::filesystem::path& folder);
+
+/// Writes a map as an OctoMap file of type SemanticOcTree, `.sot`: everything, exactly. Goes through a
+/// temporary file.
 /// @throws InputError
 void save_map(const interop::SemanticOcTree& tree, const std::filesystem::path& path);
-/// Reads what save_map() wrote. @throws InputError naming the file: missing, of another type, cut short or
-/// corrupt
+/// Reads what save_map() wrote, whatever its name. @throws InputError naming the file: missing, of another
+/// type, cut short or corrupt
 [[nodiscard]] std::unique_ptr<interop::SemanticOcTree> load_map(const std::filesystem::path& path);
 
+/// Whether a file is a map as save_map() writes it, by its first lines; false where it cannot be read.
+[[nodiscard]] bool is_semantic_map(const std::filesystem::path& path);
+
 /// Exports a map; the file's extension chooses the format. All of them go through a temporary file.
+///   .sot  the map itself, as save_map() writes it.
 ///   .ot   OctoMap's ColorOcTree: log-odds and tree exactly, colours of voxel_colour(); opens in octovis and
 ///         octomap_server. Votes are left out.
 ///   .bt   OctoMap's OcTree, one bit: occupied or free; no log-odds, labels or colours.
@@ -55,8 +68,11 @@ struct MapSummary {
     return static_cast<double>(voxels) * resolution * resolution * resolution;
   }
 };
+/// Counts the leaves of a map.
 [[nodiscard]] MapSummary summarize(const interop::SemanticOcTree& tree);
+/// As `map info` prints it.
 [[nodiscard]] std::string to_text(const MapSummary& summary);
+/// As `map info --json` prints it.
 [[nodiscard]] nlohmann::json to_json(const MapSummary& summary);
 
 }  // namespace dynslam::runtime

@@ -31,11 +31,12 @@ struct Masks {
   std::shared_ptr<const EarlierLabels> earlier{};
 };
 
+/// Which labels are dynamic a priori.
 struct MaskOptions {
   std::vector<std::uint8_t> dynamic_labels{static_cast<std::uint8_t>(Label::person)};
 };
 
-/// A-priori masks from files named by the colour image's time stamp, DIR/<stamp>.png:
+/// A-priori masks from files named by the colour image's time stamp, `DIR/<stamp>.png`:
 /// 8 bit with the values 0 and 255 alone: a dynamic mask, whose connected parts are the instances; other
 /// 8-bit values: labels; 16 bit: instances, all of them dynamic. A folder with a subfolder label/ (as
 /// synthetic sequences have) is read there.

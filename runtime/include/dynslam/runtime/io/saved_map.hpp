@@ -21,7 +21,7 @@ struct SavedScans {
 void check_map_folder(const std::filesystem::path& folder);
 
 /// Saves what a later session needs to find itself in this map and to go on with it: keyframes.bin
-/// (keyframes and points), scans.bin (what the octree was made of) and map.ot. Everything is written beside
+/// (keyframes and points), scans.bin (what the octree was made of) and map.sot. Everything is written beside
 /// the folder and then takes its place at once, so that whenever the program or the machine stops, the folder
 /// holds the earlier map or the new one; see docs/reliability.md. Other files in the folder stay.
 /// @param mapper     finished; null: keyframes and points alone

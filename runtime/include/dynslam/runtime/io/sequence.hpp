@@ -47,6 +47,7 @@ struct Sequence {
   bool has_stamps = true;       ///< times are recorded; else they are frame number / rate
 };
 
+/// How a sequence is read.
 struct SequenceOptions {
   double max_association_difference = 0.02;  ///< seconds between colour and depth
   std::size_t max_frames = 0;                ///< 0: all

@@ -18,6 +18,7 @@ namespace dynslam::runtime {
 /// @throws InputError  with the line: wrong number of columns, a word that is no finite number, a zero
 ///         quaternion; or an empty file
 [[nodiscard]] std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::string& name);
+/// The same of a file. @throws InputError also where it cannot be read
 [[nodiscard]] std::vector<StampedPose<double>> read_trajectory(const std::filesystem::path& path);
 
 /// Writes TUM format (time with 6 decimals, or with 9 where StampedPose::ns has more; pose with 9), through a

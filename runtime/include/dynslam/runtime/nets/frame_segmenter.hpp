@@ -14,6 +14,7 @@ namespace dynslam::runtime {
 
 class MaskCache;
 
+/// Options of FrameSegmenter.
 struct FrameSegmenterOptions {
   SegmenterOptions segmenter;
   MaskKeeperOptions keeper;

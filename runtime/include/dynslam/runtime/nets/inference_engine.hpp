@@ -32,7 +32,9 @@ struct TensorInfo {
   std::vector<std::int64_t> shape;
 };
 
+/// What runs a network.
 enum class EngineKind { automatic, onnxruntime, opencv };
+/// An engine by its name; empty: there is none of that name.
 [[nodiscard]] std::optional<EngineKind> parse_engine(std::string_view name);
 
 /// Runs one network, on the CPU, in this process.
@@ -59,9 +61,10 @@ class InferenceEngine {
 [[nodiscard]] std::unique_ptr<InferenceEngine> load_engine(const std::filesystem::path& model,
                                                            EngineKind kind, int threads);
 
-// One per engine; called by load_engine.
+/// ONNX Runtime's; called by load_engine.
 [[nodiscard]] std::unique_ptr<InferenceEngine> make_onnxruntime_engine(const std::filesystem::path& model,
                                                                        int threads);
+/// That of OpenCV's dnn; called by load_engine.
 [[nodiscard]] std::unique_ptr<InferenceEngine> make_opencv_engine(const std::filesystem::path& model);
 
 }  // namespace dynslam::runtime

@@ -9,6 +9,7 @@
 
 namespace dynslam::runtime {
 
+/// How long and how masks are carried on.
 struct MaskKeeperOptions {
   int max_age = 8;             ///< frames that a mask outlives its last detection
   double max_seconds = 0;      ///< time that it does so instead [s]; 0: max_age counts

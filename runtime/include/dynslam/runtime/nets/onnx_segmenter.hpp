@@ -17,9 +17,12 @@ namespace dynslam::runtime {
 
 /// Families of networks, by what their outputs mean.
 enum class ModelKind { automatic, yolo, mask_rcnn, semantic };
+/// A family by its name; empty: there is none of that name.
 [[nodiscard]] std::optional<ModelKind> parse_model_kind(std::string_view name);
+/// Name of a family.
 [[nodiscard]] std::string_view to_string(ModelKind kind);
 
+/// Which network, and how it is run.
 struct SegmenterOptions {
   std::filesystem::path model;  ///< .onnx
   EngineKind engine = EngineKind::automatic;

@@ -30,6 +30,7 @@ struct Detection {
   cv::Mat mask;      ///< CV_8UC1 of the box's size, 255 = object
 };
 
+/// Which of a network's detections are kept.
 struct DetectionOptions {
   float min_score = 0.35F;
   float max_overlap = 0.6F;  ///< intersection over union above which the weaker of two of a class is dropped

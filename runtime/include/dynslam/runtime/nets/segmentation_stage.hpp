@@ -11,6 +11,7 @@
 
 namespace dynslam::runtime {
 
+/// Options of SegmentationStage.
 struct SegmentationStageOptions : FrameSegmenterOptions {
   bool async = true;      ///< on a thread of its own, ahead of the tracker
   std::size_t queue = 2;  ///< frames segmented ahead

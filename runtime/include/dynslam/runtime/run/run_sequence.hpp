@@ -30,7 +30,7 @@ struct RunOptions {
   std::filesystem::path masks;            ///< folder of a-priori masks; empty: none
   SegmentationStageOptions segmentation;  ///< used where its model is set; not together with `masks`
   bool save_masks = false;
-  bool map = true;               ///< build and save map.ot
+  bool map = true;               ///< build and save map.sot
   double map_resolution = 0.05;  ///< metres
   std::size_t map_memory = std::size_t(2)
                            << 30;  ///< bytes that the octree may take; a run that needs more fails
@@ -53,16 +53,19 @@ struct RunOptions {
   SemanticMapperOptions mapper = SemanticMapperOptions::of_run();
 };
 
+/// Times of a stage per frame.
 struct StageStatistics {
   double median_ms = 0, p95_ms = 0;
 };
 
+/// How far a run is.
 struct Progress {
   std::size_t done = 0, total = 0;
   double fps = 0, seconds_left = 0;
   std::size_t lost = 0;
 };
 
+/// What a run did: summary.json.
 struct RunSummary {
   std::size_t frames = 0;   ///< in the sequence (or up to the interruption)
   std::size_t tracked = 0;  ///< with a pose in trajectory.txt
@@ -86,7 +89,7 @@ struct RunSummary {
 [[nodiscard]] SequenceOptions sequence_options(const RunOptions& options);
 
 /// Runs a sequence and writes config.toml (see options_file.hpp) at once, then trajectory.txt, keyframes.txt,
-/// map.ot (and map_color.ot for octovis), timings.csv, summary.json and masks/ into `options.out`, and
+/// map.sot (and map_color.ot for octovis), timings.csv, summary.json and masks/ into `options.out`, and
 /// trajectory_map2.txt, ... of maps that were begun after a loss and never joined. What was
 /// computed is saved also when `stop` becomes true midway; trajectory.txt and summary.json are written as the
 /// run goes, see docs/reliability.md. A map that was loaded is never saved poorer than it was: what a failed

@@ -11,11 +11,15 @@ namespace dynslam::runtime {
 /// Which masks remove features (the rows of the paper's Table 4).
 enum class DynamicsMode { none, semantic, geometric, both };
 
+/// A mode by its name; empty: there is none of that name.
 [[nodiscard]] std::optional<DynamicsMode> parse_dynamics(std::string_view name);
+/// Name of a mode.
 [[nodiscard]] std::string_view to_string(DynamicsMode mode);
+/// Whether a mode takes masks of a network or of files.
 [[nodiscard]] constexpr bool uses_semantic(DynamicsMode m) {
   return m == DynamicsMode::semantic || m == DynamicsMode::both;
 }
+/// Whether a mode finds movers by their motion.
 [[nodiscard]] constexpr bool uses_geometry(DynamicsMode m) {
   return m == DynamicsMode::geometric || m == DynamicsMode::both;
 }
@@ -23,7 +27,9 @@ enum class DynamicsMode { none, semantic, geometric, both };
 /// With `paper` all features are alike, too; `full` takes people at rest and `Additions` beside the masks.
 using dynslam::Method;
 
+/// A method by its name; empty: there is none of that name.
 [[nodiscard]] std::optional<Method> parse_method(std::string_view name);
+/// Name of a method.
 [[nodiscard]] std::string_view to_string(Method method);
 
 /// What this system adds to the paper's tracking, beside the masks.

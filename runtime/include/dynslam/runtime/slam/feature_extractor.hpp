@@ -11,6 +11,7 @@
 
 namespace dynslam::runtime {
 
+/// How many features, and of what kind.
 struct FeatureOptions {
   int features = 1000;         ///< wanted per image
   int levels = 8;              ///< pyramid levels

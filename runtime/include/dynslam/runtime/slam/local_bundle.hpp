@@ -11,6 +11,7 @@
 
 namespace dynslam::runtime {
 
+/// Options of LocalBundle.
 struct LocalBundleOptions : BundleWindowOptions<double> {
   double nu = 5.0;  ///< t-distribution of the residuals
   BundleOptions<double> solver;

@@ -10,8 +10,11 @@
 
 namespace dynslam::runtime {
 
+/// What of an image becomes a scan.
 using MapScanOptions = dynslam::MapScanOptions<float>;
+/// A scan of a keyframe.
 using MapScan = dynslam::MapScan<>;
+/// Makes scans of images.
 using MapScanner = dynslam::MapScanner<float>;
 
 /// A CV_8UC3 matrix in OpenCV's order as an image of (red, green, blue). The matrix must outlive it.

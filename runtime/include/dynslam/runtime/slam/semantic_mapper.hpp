@@ -27,6 +27,7 @@ struct ScanOwner {
   int keyframes = 0;         ///< a scan's keyframe is one of these
 };
 
+/// Options of SemanticMapper.
 struct SemanticMapperOptions {
   double resolution = 0.05;  ///< metres
   MapScanOptions scan;
@@ -95,7 +96,7 @@ class SemanticMapper {
                                                       const ScanOwner& owner);
   /// Waits until everything is in the tree. @throws what the thread met
   void finish();
-  /// Writes the tree (`.ot` of type SemanticOcTree) through a temporary file. Call finish() first. @throws
+  /// Writes the tree (`.sot`, as save_map() does) through a temporary file. Call finish() first. @throws
   /// InputError
   void save(const std::filesystem::path& path) const;
   /// Writes the retained scans. What two later sessions have scanned again from about the same place

@@ -27,6 +27,7 @@ enum class Stage {
   keyframe,
   tracking
 };
+/// Names of Stage, in its order.
 inline constexpr std::array<std::string_view, 10> kStageNames{
     "features",   "initial_pose", "local_map", "lucas_kanade", "residuals",
     "free_space", "growing",      "pose",      "keyframe",     "tracking"};
@@ -37,7 +38,9 @@ struct StageTimes : std::array<double, kStageNames.size()> {
   [[nodiscard]] double& operator[](Stage stage) { return Base::operator[](static_cast<std::size_t>(stage)); }
 };
 
+/// Whether the camera is known in a frame.
 enum class TrackingState { not_initialised, tracked, relocalised, lost };
+/// Name of a state.
 [[nodiscard]] std::string_view to_string(TrackingState state);
 
 /// Where a frame is in a map that was begun since the camera was lost.
@@ -46,6 +49,7 @@ struct SeparatePose {
   SE3<double> T_w_c;  ///< in a world of its own
 };
 
+/// What tracking a frame gave.
 struct TrackResult {
   TrackingState state = TrackingState::not_initialised;
   [[nodiscard]] bool ok() const {

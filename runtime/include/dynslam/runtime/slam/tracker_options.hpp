@@ -38,6 +38,7 @@ struct PoseSearchOptions {
   double longest_delay = 0.05;  ///< of a depth image, over which the velocity is trusted [s]
 };
 
+/// Options of Tracker.
 struct TrackerOptions {
   DynamicsMode dynamics = DynamicsMode::both;
   Method method = Method::full;

@@ -17,14 +17,23 @@
 /// The core's templates as the program uses them: geometry in double, any lens.
 namespace dynslam::runtime {
 
+/// An image's features and pose.
 using Frame = dynslam::Frame<double>;
+/// Keyframes and points, with the patches they are found by.
 using LocalMap = KeyframeMap<double, PointPatch>;
+/// A point of it.
 using MapPoint = LocalMap::PointType;
+/// A keyframe of it.
 using Keyframe = LocalMap::KeyframeType;
+/// Options of PlaceVerifier.
 using PlaceOptions = dynslam::PlaceOptions<double>;
+/// Recognises places.
 using PlaceVerifier = dynslam::PlaceVerifier<Pinhole<double>, AnyCamera<double>>;
+/// Options of LoopCloser.
 using LoopOptions = dynslam::LoopOptions<double>;
+/// A loop that was closed.
 using LoopClosing = dynslam::LoopClosing<double>;
+/// Closes loops.
 using LoopCloser = dynslam::LoopCloser<Pinhole<double>, AnyCamera<double>>;
 
 }  // namespace dynslam::runtime

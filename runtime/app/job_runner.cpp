@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "job_runner.hpp"
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/atomic_file.hpp"
+
+extern char** environ;  // NOLINT: POSIX
+
+namespace dynslam::app {
+namespace {
+
+namespace fs = std::filesystem;
+namespace rt = dynslam::runtime;
+
+std::atomic<int> stop_signal{0};
+
+extern "C" void note_stop(int signal) {
+  stop_signal.store(signal);
+}
+
+/// Lets waitpid() end with EINTR where a signal asks for the end, as std::signal would not.
+void listen_for_stop() {
+  struct sigaction action {};
+  action.sa_handler = note_stop;
+  sigemptyset(&action.sa_mask);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    struct sigaction before {};
+    if (sigaction(signal, nullptr, &before) == 0 && before.sa_handler != SIG_IGN)
+      sigaction(signal, &action, nullptr);
+  }
+}
+
+[[noreturn]] void cannot(const fs::path& path, const std::string& what, int error) {
+  throw rt::InputError(path.string(), 0, what + ": " + std::generic_category().message(error));
+}
+
+fs::path folder_of(const rt::SweepJob& job, const JobPlace& place) {
+  return place.out / job.name;
+}
+
+pid_t start(const rt::SweepJob& job, const JobPlace& place) {
+  const fs::path folder = folder_of(job, place), log = folder / "log";
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) cannot(folder, "cannot be made a folder", error.value());
+  fs::remove(folder / "job.json", error);  // it is of an earlier attempt
+  std::vector<std::string> words{place.executable};
+  words.insert(words.end(), job.arguments.begin(), job.arguments.end());
+  words.insert(words.end(), {"--out", folder.string()});
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  posix_spawn_file_actions_t files;
+  posix_spawn_file_actions_init(&files);
+  posix_spawn_file_actions_addopen(&files, 0, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_addopen(&files, 1, log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
+  posix_spawn_file_actions_adddup2(&files, 1, 2);
+  pid_t process = 0;
+  const int failed = posix_spawn(&process, place.executable.c_str(), &files, nullptr, argv.data(), environ);
+  posix_spawn_file_actions_destroy(&files);
+  if (failed != 0) cannot(log, "the job could not be started", failed);
+  return process;
+}
+
+}  // namespace
+
+JobOutcome run_jobs(const std::vector<const rt::SweepJob*>& jobs, const JobPlace& place, int at_once,
+                    const std::function<void(const rt::SweepJob&, int)>& ended) {
+  listen_for_stop();
+  JobOutcome outcome;
+  std::map<pid_t, const rt::SweepJob*> running;
+  std::size_t next = 0;
+  bool told = false;
+  while (next < jobs.size() || !running.empty()) {
+    if (stop_signal.load() != 0) {
+      next = jobs.size();
+      if (!told) {
+        for (const auto& [process, job] : running) ::kill(process, SIGTERM);  // they save what they have
+      }
+      told = true;
+      if (running.empty()) break;
+    }
+    while (next < jobs.size() && running.size() < static_cast<std::size_t>(at_once)) {
+      const rt::SweepJob* job = jobs[next++];
+      running[start(*job, place)] = job;
+    }
+    int status = 0;
+    const pid_t process = ::waitpid(-1, &status, 0);
+    if (process < 0 && errno == EINTR) continue;
+    const auto found = running.find(process);
+    if (found == running.end()) continue;
+    const rt::SweepJob& job = *found->second;
+    running.erase(found);
+    const int code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    rt::write_file(folder_of(job, place) / "job.json",
+                   rt::sweep_record(job, place.program, code).dump(2) + "\n");
+    if (code != 0 && stop_signal.load() == 0) outcome.failed.push_back(&job);
+    if (stop_signal.load() == 0 || code == 0) ended(job, code);
+  }
+  outcome.interrupted = stop_signal.load() != 0;
+  return outcome;
+}
+
+std::string last_line(const fs::path& log) {
+  std::ifstream in(log);
+  std::string last;
+  for (std::string line; std::getline(in, line);) {
+    if (!line.empty()) last = line;
+  }
+  return last;
+}
+
+}  // namespace dynslam::app

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "dynslam/runtime/evaluation/sweep.hpp"
+
+namespace dynslam::app {
+
+/// Where the jobs of a sweep are run.
+struct JobPlace {
+  std::filesystem::path out;  ///< absolute; a job's folder is below it
+  std::string program;        ///< version and commit, for job.json
+  std::string executable;     ///< this program's file
+};
+
+/// What became of jobs.
+struct JobOutcome {
+  std::vector<const runtime::SweepJob*> failed;
+  bool interrupted = false;
+};
+
+/// Runs jobs, so many at a time, each as a process of its own that writes into its folder: what it prints to
+/// `log`, and job.json when it has ended. SIGINT, SIGTERM and SIGHUP end them; no further ones are begun.
+/// @param ended  called with each job that has ended, and its exit code
+/// @throws runtime::InputError where a folder cannot be made or a process not be started
+[[nodiscard]] JobOutcome run_jobs(const std::vector<const runtime::SweepJob*>& jobs, const JobPlace& place,
+                                  int at_once,
+                                  const std::function<void(const runtime::SweepJob&, int)>& ended);
+
+/// The last line that a job printed; empty: none.
+[[nodiscard]] std::string last_line(const std::filesystem::path& log);
+
+}  // namespace dynslam::app

@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The file of a sweep, and its jobs.
+#include "dynslam/runtime/evaluation/sweep.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+#include <utility>
+
+#include "config/toml_value.hpp"
+#include "dynslam/runtime/config/options_file.hpp"
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
+#include "dynslam/runtime/io/text_lines.hpp"
+#include "dynslam/runtime/slam/dynamics_mode.hpp"
+
+namespace dynslam::runtime {
+namespace {
+
+namespace fs = std::filesystem;
+using Options = std::vector<std::pair<std::string, std::string>>;  // name, value
+
+constexpr std::string_view kVariants = "variants.";
+constexpr std::size_t kMostJobs = 100000;
+
+bool is_name(std::string_view text) {
+  return !text.empty() && text.front() != '-' &&
+         text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") ==
+             std::string_view::npos;
+}
+
+/// A value as a word of the command line; empty: it is a list or empty itself.
+std::string word_of(const TomlValue& value) {
+  if (const auto* text = std::get_if<std::string>(&value.value)) return *text;
+  if (const auto* number = std::get_if<TomlNumber>(&value.value)) return number->digits;
+  if (const auto* flag = std::get_if<bool>(&value.value)) return *flag ? "true" : "false";
+  return {};
+}
+
+/// A sweep's file being read.
+class SweepReader {
+ public:
+  SweepReader(const fs::path& file, std::string text) : file_(file.string()) {
+    sweep_.name = file.stem().string();
+    sweep_.folder = fs::absolute(file).parent_path();
+    sweep_.text = std::move(text);
+  }
+
+  Sweep read() {
+    std::istringstream in(sweep_.text);
+    for (std::string line; std::getline(in, line);) {
+      ++number_;
+      const std::string_view text = trim(line);
+      if (text.empty() || text.front() == '#') continue;
+      if (text.front() == '[') {
+        begin(text);
+      } else {
+        set(text);
+      }
+    }
+    number_ = 0;
+    for (const char* key : {"sequences", "modes"}) {
+      if (!given_.contains(key)) fail(fmt::format("{} is missing", key));
+    }
+    for (const auto& [name, options] : variants_) sweep_.variants.push_back(name);
+    if (variants_.empty()) variants_.emplace_back();
+    make_jobs();
+    return std::move(sweep_);
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& reason) const { throw InputError(file_, number_, reason); }
+
+  void begin(std::string_view line) {
+    const auto close = line.find(']');
+    const std::string_view rest = close == std::string_view::npos ? "?" : trim(line.substr(close + 1));
+    if (!rest.empty() && rest.front() != '#') fail("expected [table]");
+    table_ = trim(line.substr(1, close - 1));
+    if (!tables_.insert(table_).second) fail(fmt::format("[{}] is given twice", table_));
+    if (table_.starts_with(kVariants)) {
+      const std::string name = table_.substr(kVariants.size());
+      if (!is_name(name)) fail(fmt::format("'{}' is no name for a variant: letters, digits, _ and -", name));
+      variants_.emplace_back(name, Options());
+    } else if (table_ != "options") {
+      fail(fmt::format("unknown table [{}], expected [options] or [variants.NAME]", table_));
+    }
+  }
+
+  void set(std::string_view line) {
+    const auto equals = line.find('=');
+    if (equals == std::string_view::npos) fail("expected 'key = value'");
+    const std::string key(trim(line.substr(0, equals)));
+    TomlValue value;
+    if (const std::string reason = parse_toml(line.substr(equals + 1), value); !reason.empty())
+      fail(fmt::format("{}: {}", key, reason));
+    if (!given_.insert(table_.empty() ? key : table_ + ' ' + key).second)
+      fail(fmt::format("{} is given twice", key));
+    if (!table_.empty()) return set_option(key, value);
+    if (key == "sequences") return set_sequences(value);
+    if (key == "modes") return set_modes(value);
+    if (key == "seeds") return set_seeds(value);
+    if (key != "out") {
+      const std::string near = nearest_name(key, {"sequences", "modes", "seeds", "out"});
+      fail(fmt::format("unknown key '{}'{}", key, near.empty() ? near : ", did you mean " + near + "?"));
+    }
+    sweep_.out = word_of(value);
+    if (sweep_.out.empty()) fail("out: expected a folder");
+  }
+
+  void set_option(const std::string& key, const TomlValue& value) {
+    if (!is_name(key)) fail(fmt::format("'{}' is no option of run", key));
+    for (const char* own : {"out", "dynamics", "seed", "live", "live-speed"}) {
+      if (key == own) fail(fmt::format("{} is no option of a sweep's runs", key));
+    }
+    std::string word = word_of(value);
+    if (word.empty()) fail(fmt::format("{}: expected text, a number, true or false", key));
+    (table_ == "options" ? common_ : variants_.back().second).emplace_back(key, std::move(word));
+  }
+
+  const TomlArray& list(const TomlValue& value, const char* of) const {
+    const auto* array = std::get_if<TomlArray>(&value.value);
+    if (array == nullptr || array->empty()) fail(fmt::format("expected a list of {}", of));
+    return *array;
+  }
+
+  void set_sequences(const TomlValue& value) {
+    for (const TomlValue& one : list(value, "sequences")) {
+      std::string path = word_of(one);
+      const fs::path full = (sweep_.folder / path).lexically_normal();
+      const std::string name = (full.has_filename() ? full : full.parent_path()).stem().string();
+      if (path.empty() || name.empty()) fail("sequences: expected a list of folders or bags");
+      if (std::find(sweep_.sequences.begin(), sweep_.sequences.end(), name) != sweep_.sequences.end())
+        fail(fmt::format("two sequences are called {}", name));
+      sweep_.sequences.push_back(name);
+      paths_.push_back(std::move(path));
+    }
+  }
+
+  void set_modes(const TomlValue& value) {
+    for (const TomlValue& one : list(value, "modes")) {
+      const std::string mode = word_of(one);
+      if (!parse_dynamics(mode))
+        fail(fmt::format("modes: '{}' is none of none, semantic, geometric, both", mode));
+      if (std::find(sweep_.modes.begin(), sweep_.modes.end(), mode) != sweep_.modes.end())
+        fail(fmt::format("modes: {} is given twice", mode));
+      sweep_.modes.push_back(mode);
+    }
+  }
+
+  void set_seeds(const TomlValue& value) {
+    for (const TomlValue& one : list(value, "seeds")) {
+      const std::string digits = word_of(one);
+      std::size_t seed = 0;
+      const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), seed);
+      if (digits.empty() || error != std::errc() || end != digits.data() + digits.size())
+        fail(fmt::format("seeds: '{}' is no whole number", digits));
+      if (std::find(seeds_.begin(), seeds_.end(), seed) != seeds_.end())
+        fail(fmt::format("seeds: {} is given twice", digits));
+      seeds_.emplace_back(seed);
+    }
+  }
+
+  void make_jobs() {
+    if (seeds_.empty()) seeds_.emplace_back();
+    if (paths_.size() * variants_.size() * sweep_.modes.size() * seeds_.size() > kMostJobs)
+      fail(fmt::format("makes more than {} jobs", kMostJobs));
+    for (std::size_t s = 0; s < paths_.size(); ++s) {
+      for (const auto& [variant, options] : variants_) {
+        for (const std::string& mode : sweep_.modes) {
+          for (const auto& seed : seeds_) add_job(s, variant, options, mode, seed);
+        }
+      }
+    }
+  }
+
+  void add_job(std::size_t s, const std::string& variant, const Options& options, const std::string& mode,
+               const std::optional<std::size_t>& seed) {
+    SweepJob job;
+    job.sequence = sweep_.sequences[s];
+    job.path = paths_[s];
+    job.variant = variant;
+    job.mode = mode;
+    job.seed = seed;
+    job.name = job.sequence + (variant.empty() ? variant : '/' + variant) + '/' + mode;
+    if (seed) job.name += fmt::format("/seed-{}", *seed);
+    job.arguments = {"run", job.path, "--dynamics", mode};
+    if (seed) job.arguments.insert(job.arguments.end(), {"--seed", std::to_string(*seed)});
+    Options all = options;  // a variant's own before what all have
+    for (const auto& common : common_) {
+      if (std::none_of(all.begin(), all.end(), [&](const auto& o) { return o.first == common.first; }))
+        all.push_back(common);
+    }
+    for (const auto& [name, value] : all) {
+      job.arguments.push_back("--" + name);
+      job.arguments.push_back(value);
+    }
+    sweep_.jobs.push_back(std::move(job));
+  }
+
+  std::string file_;
+  Sweep sweep_;
+  std::size_t number_ = 0;
+  std::string table_;
+  std::set<std::string> tables_, given_;
+  Options common_;
+  std::vector<std::pair<std::string, Options>> variants_;
+  std::vector<std::string> paths_;
+  std::vector<std::optional<std::size_t>> seeds_;
+};
+
+/// The files that the job's result depends on beside its options: what --config names.
+nlohmann::json configuration(const SweepJob& job) {
+  for (std::size_t i = 0; i + 1 < job.arguments.size(); ++i) {
+    if (job.arguments[i] == "--config") return read_file(job.arguments[i + 1]);
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+Sweep read_sweep(const fs::path& file) {
+  return SweepReader(file, read_file(file)).read();
+}
+
+nlohmann::json sweep_record(const SweepJob& job, const std::string& program, int exit_code) {
+  return {{"job", job.name},
+          {"arguments", job.arguments},
+          {"configuration", configuration(job)},
+          {"program", program},
+          {"exit_code", exit_code}};
+}
+
+bool is_done(const SweepJob& job, const fs::path& out, const std::string& program) {
+  const fs::path file = out / job.name / "job.json";
+  std::error_code error;
+  if (!fs::is_regular_file(file, error)) return false;
+  const nlohmann::json record = nlohmann::json::parse(read_file(file), nullptr, false);
+  return record == sweep_record(job, program, 0);
+}
+
+}  // namespace dynslam::runtime
