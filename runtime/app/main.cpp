@@ -18,6 +18,7 @@
 #include "help_commands.hpp"
 #include "info_command.hpp"
 #include "map_command.hpp"
+#include "report_command.hpp"
 #include "run_command.hpp"
 #include "suggestion.hpp"
 #include "synth_command.hpp"
@@ -40,6 +41,7 @@ int run(int argc, char** argv) {
   const InfoCommand info(app);
   const SynthCommand synth(app);
   const MapCommand map(app);
+  const ReportCommand report(app);
   const ConfigCommand show(app, run_command);
   const HelpCommands help(app);
   const auto config = add_config_option(app, {{"run", run_command.fields()}, {"ablate", ablate.fields()}});
@@ -52,6 +54,7 @@ int run(int argc, char** argv) {
     if (evaluate.chosen()) return evaluate.run();
     if (info.chosen()) return info.run();
     if (synth.chosen()) return synth.run();
+    if (report.chosen()) return report.run();
     return map.run();
   } catch (const CLI::FileError&) {
     std::cerr << "dynslam: error: " << app.get_config_ptr()->as<std::string>() << ": cannot be opened\n";
