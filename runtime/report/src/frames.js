@@ -43,17 +43,25 @@ function drawKeypoints(context, points) {
 
 function message(context, text) {
   context.fillStyle = colour('soft');
-  context.font = '16px system-ui, sans-serif';
+  context.font = `${Math.round(context.canvas.width / 18)}px system-ui, sans-serif`;
   context.textAlign = 'center';
   context.fillText(text, context.canvas.width / 2, context.canvas.height / 2);
 }
 
-// The planes of a frame's masks, null where nothing is known.
+const uses = (run, key) => ['true', 'fused', run.mode].includes(key) || run.mode === 'both';
+
+// The planes of a frame's masks, none where nothing is known.
 function planesOf(index) {
-  const { shown } = data.runs[state.run];
-  const own = shown.masks[index] && plane(shown.masks[index]), truth = frames.truth[index] && plane(frames.truth[index]);
-  const parts = shown.from === 'masks' ? { fused: own } : { semantic: own, geometric: own, fused: own };
-  return { ...parts, true: truth };
+  const run = data.runs[state.run], { shown } = run;
+  const own = shown.masks[index] && plane(shown.masks[index]);
+  const parts = { fused: own, true: frames.truth[index] && plane(frames.truth[index]) };
+  for (const key of shown.from === 'report' ? ['semantic', 'geometric'] : []) if (uses(run, key)) parts[key] = own;
+  return parts;
+}
+
+function whyMissing(run, key) {
+  if (key === 'true') return 'no truth';
+  return uses(run, key) ? 'not recorded' : 'this run uses none';
 }
 
 async function draw(tiles, readout) {
@@ -69,13 +77,13 @@ async function draw(tiles, readout) {
       message(context, 'could not be read');
       continue;
     }
-    context.globalAlpha = key in planes || masks.some((mask) => mask.key === key) ? 0.45 : 1;
+    context.globalAlpha = masks.some((mask) => mask.key === key) ? 0.45 : 1;
     context.imageSmoothingEnabled = key !== 'depth';
     context.drawImage(image, 0, 0, canvas.width, canvas.height);
     context.globalAlpha = 1;
     const mask = masks.find((one) => one.key === key);
     if (mask && planes[key]) overlay(context, planes[key], mask.bit, colour(key), 0.75);
-    else if (mask) message(context, key === 'true' ? 'no truth' : 'not recorded');
+    else if (mask) message(context, whyMissing(run, key));
   }
   const context = tiles.colour.canvas.getContext('2d');
   for (const mask of masks) {
@@ -86,8 +94,8 @@ async function draw(tiles, readout) {
   tiles.colour.text.textContent = points
     ? `colour; ${points.length} keypoints, ${points.filter((p) => p.weight < run.tau).length} of them below ${run.tau}`
     : 'colour; no static weights: ' + (shown.from === 'report' ? 'the geometry was not asked' : 'run with --report');
-  readout.textContent = `${index + 1}/${frames.t.length}  ${frames.t[index].toFixed(2)} s  ` +
-    (shown.state?.[index] ? `${shown.state[index]}, ${shown.inliers[index]} of ${shown.matches[index]} matches` +
+  readout.textContent = `${index + 1}/${frames.t.length} · ${frames.t[index].toFixed(2)} s` +
+    (shown.state?.[index] ? ` · ${shown.state[index]}, ${shown.inliers[index]} points of the map seen` +
       `${shown.keyframe[index] ? ', keyframe' : ''}` : '');
   readout.title = frames.stamp[index];
   document.getElementById('frames').dataset.drawn = String(index);

@@ -64,9 +64,11 @@ function drawPlan(context, width, height) {
     return [p.dot(right), p.dot(front)];
   });
   const range = (k) => [Math.min(...flat.map((p) => p[k])), Math.max(...flat.map((p) => p[k]))];
-  const [x0, x1] = range(0), [y0, y1] = range(1), margin = 24;
-  const scale = Math.min((width - 2 * margin) / Math.max(x1 - x0, 1e-3), (height - 2 * margin) / Math.max(y1 - y0, 1e-3));
-  const at = flat.map(([x, y]) => [width / 2 + scale * (x - (x0 + x1) / 2), height / 2 - scale * (y - (y0 + y1) / 2)]);
+  const [x0, x1] = range(0), [y0, y1] = range(1), margin = 24, foot = 20; // for the scale
+  const scale = Math.min((width - 2 * margin) / Math.max(x1 - x0, 1e-3),
+    (height - 2 * margin - foot) / Math.max(y1 - y0, 1e-3));
+  const at = flat.map(([x, y]) =>
+    [width / 2 + scale * (x - (x0 + x1) / 2), (height - foot) / 2 - scale * (y - (y0 + y1) / 2)]);
   const line = ([a, b]) => {
     context.beginPath();
     context.moveTo(...at[a]);
@@ -107,7 +109,7 @@ export function keyframes() {
   const update = () => {
     const { nodes, edges, loops, complete } = graph();
     about.textContent = complete
-      ? `${nodes.length} keyframes, ${edges.length} pairs that share 15 points or more, ${loops.length} loops. ` +
+      ? `${nodes.length} keyframes, ${edges.length} pairs that share 15 points or more, ${loops.length} ${loops.length === 1 ? 'loop' : 'loops'}. ` +
         'Over time, points in common above the line and loops below; and from above.'
       : `${nodes.length} keyframes; what they share is recorded by runs with --report.`;
     list.replaceChildren(loopTable());

@@ -1,23 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Trajectories in 3D, with keyframes, their graph, and the camera of the chosen frame.
 import {
-  AxesHelper, BufferGeometry, Color, Float32BufferAttribute, Group, Line, LineBasicMaterial, LineDashedMaterial,
-  LineSegments, Matrix4, Points, PointsMaterial,
+  BufferGeometry, Color, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Matrix4, Points, PointsMaterial,
 } from 'three';
 import { data, indexAt } from './data.js';
 import { el, layers } from './dom.js';
 import { on, state } from './state.js';
 import { stage3d } from './stage3d.js';
+import { thickLine } from './thick_line.js';
 import { colour, runColour, runVariable } from './theme.js';
 
 function geometry(values) {
   return new BufferGeometry().setAttribute('position', new Float32BufferAttribute(values, 3));
-}
-
-function truthLine() {
-  const line = new Line(geometry(data.truth.p), new LineDashedMaterial({ dashSize: 0.03, gapSize: 0.02 }));
-  line.computeLineDistances();
-  return line;
 }
 
 const place = (node) => node.slice(2, 5);
@@ -49,12 +43,12 @@ function poseMatrix(trajectory, i, scale) {
 
 function objects() {
   const all = {};
-  if (data.truth) all.truth = truthLine();
+  if (data.truth) all.truth = thickLine(data.truth.p, 2, true);
   data.runs.forEach((run, i) => {
-    all[`run${i}`] = new Line(geometry(run.trajectory.p), new LineBasicMaterial());
+    all[`run${i}`] = thickLine(run.trajectory.p, 2.5);
   });
   for (const [key, make] of Object.entries({
-    keyframes: (graph) => new Points(geometry(graph.nodes.flatMap(place)), new PointsMaterial({ size: 5, sizeAttenuation: false })),
+    keyframes: (graph) => new Points(geometry(graph.nodes.flatMap(place)), new PointsMaterial({ size: 7, sizeAttenuation: false })),
     edges: (graph) => edges(graph, graph.edges),
     loops: (graph) => edges(graph, graph.loops),
   })) {
@@ -83,9 +77,8 @@ export function paths3d() {
   const all = objects(), camera = viewPyramid(), world = new Group();
   world.add(...Object.values(all));
   stage.scene.add(world);
-  stage.fit(world);
-  const radius = stage.camera.far / 60, axes = new AxesHelper(radius * 0.2);
-  stage.scene.add(camera, axes);
+  const radius = stage.fit([...(data.truth?.p ?? []), ...data.runs.flatMap((run) => run.trajectory.p)], 0.98);
+  stage.scene.add(camera);
   camera.matrixAutoUpdate = false;
 
   const update = () => {
@@ -94,7 +87,7 @@ export function paths3d() {
     }));
     const { trajectory } = data.runs[state.run];
     const i = indexAt(trajectory.t, data.frames.t[state.frame] ?? 0);
-    camera.matrix.copy(poseMatrix(trajectory, i, 0.12 * radius));
+    camera.matrix.copy(poseMatrix(trajectory, i, 0.18 * radius));
     stage.redraw();
   };
   const theme = () => {

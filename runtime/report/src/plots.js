@@ -21,9 +21,18 @@ export function withGaps(t, values) {
   return [times, result];
 }
 
-function axes(unit) {
+const powers = (_, __, low, high) => {
+  const all = [];
+  for (let k = Math.ceil(Math.log10(low) - 1e-6); k <= Math.log10(high) + 1e-6; ++k) all.push(10 ** k);
+  return all;
+};
+
+function axes(unit, log) {
   const style = { stroke: colour('soft'), grid: { stroke: colour('line'), width: 1 }, ticks: { stroke: colour('line') } };
-  return [{ ...style, label: 'time [s]', labelSize: 18, size: 34 }, { ...style, label: unit, labelSize: 18, size: 58 }];
+  return [{ ...style, label: 'time [s]', labelSize: 18, size: 34 }, {
+    ...style, label: unit, labelSize: 18, size: 58,
+    ...(log ? { splits: powers, values: (_, at) => at.map((v) => (v === null ? '' : String(Number(v.toPrecision(1))))) } : {}),
+  }];
 }
 
 // A plot that follows its element's width and the scheme. make() gives {title, unit, height, series, data, log, sync}
@@ -39,7 +48,7 @@ export function plot(make, chosen) {
     drawn = new uPlot({
       title, width, height,
       series: [{ label: 't [s]', value: (_, v) => (v === null || v === undefined ? '' : v.toFixed(2)) }, ...series],
-      axes: axes(unit),
+      axes: axes(unit, log),
       scales: { x: { time: false }, y: log ? { distr: 3 } : {} },
       legend: { show: legend },
       cursor: { drag: { x: true, y: false }, ...(sync ? { sync: { key: sync } } : {}) },

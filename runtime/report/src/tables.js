@@ -60,6 +60,6 @@ export function tables() {
   const gain = el('p', { className: 'small soft' },
     'RMSE gain: improvement over the run without masks (Eq 13). Bold: the best of a column.');
   const any = data.runs.some((run) => run.table);
-  return section('errors', 'Errors', any ? measures.map(errorTable) : null, any && data.runs.length > 1 ? gain : null,
+  return section('errors', 'Errors', any ? el('div', { className: 'side' }, measures.map(errorTable)) : null, any && data.runs.length > 1 ? gain : null,
     runTable(), notes, problems());
 }

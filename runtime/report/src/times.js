@@ -66,10 +66,10 @@ function bars([p50, p95], longest, fill) {
 
 function sizes() {
   const { times } = data.runs[state.run];
-  const line = (name, stroke, scale) => ({ label: words(name), stroke, width: 1.3, points: { show: false }, scale,
-    value: (_, v) => (v === null || v === undefined ? '–' : String(v)) });
+  const points = { label: 'points', stroke: colour('accent'), width: 1.5, points: { show: false },
+    value: (_, v) => (v === null || v === undefined ? '–' : String(v)) };
   return {
-    title: 'map points', unit: 'points', height: 150, series: [line('points', colour('accent'))],
+    title: 'points of the map', unit: '', height: 220, series: [points],
     data: [times.t, column(times, 'points') ?? []],
   };
 }
@@ -87,5 +87,6 @@ export function times() {
   };
   on('run', update);
   update();
-  return section('times', 'Time', who, line.holder, holder, points.holder);
+  return section('times', 'Time', who, line.holder,
+    el('div', { className: data.runs.length > 2 ? '' : 'grid' }, holder, points.holder));
 }

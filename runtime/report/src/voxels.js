@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The voxel map of the chosen run, one layer per class.
 import {
-  BoxGeometry, BufferGeometry, Color, Float32BufferAttribute, Group, InstancedMesh, Line, LineBasicMaterial, Matrix4,
-  MeshBasicMaterial, SRGBColorSpace, Vector3,
+  BoxGeometry, Color, Float32BufferAttribute, Group, InstancedMesh, Matrix4, MeshBasicMaterial, SRGBColorSpace, Vector3,
 } from 'three';
 import { bytes, data } from './data.js';
 import { el, layers, section } from './dom.js';
 import { on, state } from './state.js';
 import { stage3d } from './stage3d.js';
+import { thickLine } from './thick_line.js';
 import { runColour } from './theme.js';
 
 const RECORD = 11; // bytes of a voxel
@@ -58,10 +58,17 @@ function dispose(group) {
   });
 }
 
-function path(run, index) {
-  const line = new Line(new BufferGeometry().setAttribute('position', new Float32BufferAttribute(run.trajectory.p, 3)),
-    new LineBasicMaterial({ color: runColour(index) }));
-  return line;
+// Where the cells are, x y z of each, beside the truth.
+function centres(group) {
+  const points = [], matrix = new Matrix4(), at = new Vector3();
+  for (const one of group.children) {
+    for (let i = 0; i < one.count; ++i) {
+      one.getMatrixAt(i, matrix);
+      at.setFromMatrixPosition(matrix).applyMatrix4(group.matrix);
+      points.push(at.x, at.y, at.z);
+    }
+  }
+  return points;
 }
 
 export function voxels() {
@@ -87,12 +94,13 @@ export function voxels() {
       stage.redraw?.();
       return;
     }
-    const { group, byLabel } = build(run), line = path(run, state.run), world = new Group();
+    const { group, byLabel } = build(run), line = thickLine(run.trajectory.p, 2.5), world = new Group();
+    line.material.color = new Color(runColour(state.run));
     world.add(group, line);
     world.updateMatrixWorld(true);
     stage.scene.add(world);
     shown = { world };
-    if (!fitted) stage.fit(group, 0.85);
+    if (!fitted) stage.fit(centres(group), 0.9);
     fitted = true;
     toggles.append(layers([
       ...run.map.classes.map((one) => ({

@@ -43,7 +43,7 @@ std::optional<cv::Mat> decode_runs(std::span<const std::uint8_t> runs, cv::Size 
       if (runs[i++] < 128) break;
     }
     const std::uint64_t length = number >> 3U;
-    if (length > total - filled) return std::nullopt;
+    if (length == 0 || length > total - filled) return std::nullopt;
     std::fill_n(values.data + filled, length, static_cast<std::uint8_t>(number & 7U));
     filled += length;
   }

@@ -82,7 +82,7 @@ json errors(const Source& source, Poses poses, const SE3<double>& T) {
 
 json truth_payload(const Source& source) {
   const auto& all = source.sequence.groundtruth;
-  constexpr double kMargin = 0.5;  // seconds before and behind the frames
+  constexpr double kMargin = 0.05;  // seconds before and behind the frames
   const auto before = [](const auto& pose, double time) { return pose.t < time; };
   const auto begin = std::lower_bound(all.begin(), all.end(), source.t0 - kMargin, before);
   const auto end = std::lower_bound(begin, all.end(), source.t1 + kMargin, before);

@@ -4,10 +4,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/frame_stream.hpp"
@@ -110,9 +112,12 @@ struct Pictures::Picture {
 };
 
 std::vector<PictureLevel> picture_levels(std::size_t frames) {
-  std::vector<PictureLevel> levels{{480, 75, 1}, {400, 65, 1}, {360, 55, 1}, {320, 50, 1}, {320, 40, 1}};
-  for (std::size_t stride = 2; stride < 2 * std::max<std::size_t>(frames, 1); stride += (stride + 1) / 2)
-    levels.push_back({320, 45, stride});
+  constexpr std::array<std::pair<int, int>, 5> kPictures{
+      {{480, 75}, {400, 65}, {360, 55}, {320, 50}, {320, 40}}};
+  std::vector<PictureLevel> levels;
+  for (std::size_t stride = 1; stride < 2 * std::max<std::size_t>(frames, 1); stride += (stride + 1) / 2) {
+    for (const auto& [width, quality] : kPictures) levels.push_back({width, quality, stride});
+  }
   return levels;
 }
 

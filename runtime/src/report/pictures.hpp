@@ -16,7 +16,7 @@ struct PictureLevel {
   std::size_t stride;  ///< every so many frames
 };
 
-/// From fine to coarse: first the pictures get smaller, then frames are left out.
+/// From fine to coarse: of as many frames as fit, the finest pictures that do.
 [[nodiscard]] std::vector<PictureLevel> picture_levels(std::size_t frames);
 
 /// The frames of the runs as pictures: colour, depth, masks, keypoints.
