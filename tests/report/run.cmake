@@ -15,7 +15,7 @@ endfunction()
 
 file(REMOVE_RECURSE ${WORK})
 file(MAKE_DIRECTORY ${WORK})
-check(ignored ${PROGRAM} synth ${WORK}/office --frames 45 --path xyz --walkers 1)
+check(ignored ${PROGRAM} synth ${WORK}/office --frames 45 --path xyz --walkers 1 --size 320x240)
 check(ignored ${PROGRAM} run ${WORK}/office --out ${WORK}/none --dynamics none --report)
 check(ignored ${PROGRAM} run ${WORK}/office --out ${WORK}/both --masks ${WORK}/office/label --report)
 check(ignored ${PROGRAM} report ${WORK}/none ${WORK}/both --out ${WORK}/report.html)

@@ -46,7 +46,7 @@ function timeline() {
 
 function percentiles() {
   const names = [...stacked, ...beside, ...whole].filter((name) => data.runs.some((run) => used(run.times, name)));
-  const longest = Math.max(...names.flatMap((name) => data.runs.map((run) => run.times.stages[name]?.[1] ?? 0)));
+  const longest = Math.max(1e-3, ...names.map((name) => data.runs[state.run].times.stages[name]?.[1] ?? 0));
   const rows = names.map((name) => [
     el('span', {}, swatch(stageColours[name] ?? 'var(--soft)'), words(name)),
     ...data.runs.flatMap((run) => (run.times.stages[name] ?? [null, null]).map((v) => v?.toFixed(2))),
