@@ -19,6 +19,7 @@
 #include "help_commands.hpp"
 #include "info_command.hpp"
 #include "map_command.hpp"
+#include "report_command.hpp"
 #include "run_command.hpp"
 #include "suggestion.hpp"
 #include "sweep_command.hpp"
@@ -44,6 +45,7 @@ int run(int argc, char** argv) {
   const SynthCommand synth(app);
   const MapCommand map(app);
   const SweepCommand sweep(app);
+  const ReportCommand report(app);
   const ConfigCommand show(app, run_command);
   const HelpCommands help(app);
   const auto config = add_config_option(app, {{"run", run_command.fields()}, {"ablate", ablate.fields()}});
@@ -58,6 +60,7 @@ int run(int argc, char** argv) {
     if (convert.chosen()) return convert.run();
     if (synth.chosen()) return synth.run();
     if (sweep.chosen()) return sweep.run();
+    if (report.chosen()) return report.run();
     return map.run();
   } catch (const CLI::FileError&) {
     std::cerr << "dynslam: error: " << app.get_config_ptr()->as<std::string>() << ": cannot be opened\n";

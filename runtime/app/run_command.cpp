@@ -12,16 +12,19 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluation/ablate.hpp"
 #include "dynslam/runtime/evaluation/evaluate.hpp"
 #include "dynslam/runtime/inspect/inspect.hpp"
 #include "dynslam/runtime/io/sequence.hpp"
+#include "dynslam/runtime/report/html_report.hpp"
 #include "dynslam/runtime/run/run_sequence.hpp"
 #include "exit_codes.hpp"
 #include "format_options.hpp"
 #include "progress_line.hpp"
+#include "report_command.hpp"
 #include "validators.hpp"
 
 namespace dynslam::app {
@@ -152,6 +155,7 @@ void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_
   app.add_option(
       "--masks", o.masks,
       "Folder of a-priori masks, <time stamp>.png: 0/255 masks, labels (8 bit) or instances (16 bit)");
+  app.add_flag("--report", o.report, "Write report.html, one file to look at in a browser");
   add_segmentation_options(app, o.segmentation);
   add_slam_options(app, o);
 }
@@ -221,6 +225,7 @@ std::string live_report(const rt::RunSummary& summary) {
 }
 
 int run_sequence(const rt::RunOptions& options) {
+  if (options.report) (void)rt::report_page();  // before hours are spent on the run
   stop_on_signals();
   rt::Sequence sequence;
   const auto opened = [&](const rt::Sequence& found, const rt::CameraConfig& camera) {
@@ -237,11 +242,15 @@ int run_sequence(const rt::RunOptions& options) {
   std::cout << fmt::format("{} of {} frames tracked ({} lost, {} broken), {:.1f} frames/s; results in {}\n",
                            summary.tracked, summary.frames, summary.lost, summary.broken, summary.fps,
                            options.out.string())
-            << separate_report(summary) << live_report(summary) << accuracy(options, sequence, summary);
-  return summary.interrupted ? interrupted() : 0;
+            << separate_report(summary) << live_report(summary) << accuracy(options, sequence, summary)
+            << std::flush;
+  if (summary.interrupted) return interrupted();
+  if (options.report) print_report({options.out}, {});
+  return 0;
 }
 
 int ablate_sequence(const rt::RunOptions& options) {
+  if (options.report) (void)rt::report_page();
   stop_on_signals();
   const rt::Ablation ablation = [&] {
     ProgressLine line;
@@ -257,7 +266,14 @@ int ablate_sequence(const rt::RunOptions& options) {
     std::cout << rt::to_text(ablation)
               << fmt::format("\ntables, plots, overlays and maps are in {}\n", options.out.string());
   }
-  return ablation.interrupted ? interrupted() : 0;
+  if (ablation.interrupted) return interrupted();
+  if (options.report) {
+    std::vector<std::filesystem::path> runs;
+    for (const rt::AblationRow& row : ablation.rows)
+      runs.push_back(options.out / std::string(to_string(row.mode)));
+    print_report(runs, options.out / "report.html");
+  }
+  return 0;
 }
 
 }  // namespace

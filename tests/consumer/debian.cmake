@@ -53,6 +53,9 @@ holds(libdynslam-runtime-dev usr/include/dynslam/runtime/slam.hpp "libdynslam_ru
 holds(dynslam usr/bin/dynslam usr/share/man/man1/dynslam-run.1.gz usr/share/bash-completion/completions/dynslam
   usr/share/dynslam/cameras/realsense_d435.txt usr/share/dynslam/models/demo_segmenter.onnx
   usr/share/doc/dynslam/copyright NOT usr/include "\\.a\n" "usr/lib[a-z0-9_/-]*/libonnxruntime.so\n")
+if(EXISTS ${BUILD}/share/dynslam/report/report.html)
+  holds(dynslam usr/share/dynslam/report/report.html)
+endif()
 needs(libdynslam-dev libeigen3-dev)
 needs(libdynslam-runtime-dev "libdynslam-dev .= ${VERSION}" "dynslam .= ${VERSION}" libopencv-dev liboctomap-dev)
 needs(dynslam libopencv-core liboctomap libfmt libc6)

@@ -21,6 +21,9 @@ file(RENAME ${WORK}/prefix ${WORK}/moved)
 set(program env -i ${WORK}/moved/bin/dynslam)
 check(${program} synth ${WORK}/sequence --frames 6)
 check(${program} run ${WORK}/sequence --out ${WORK}/out --model ${WORK}/moved/share/dynslam/models/demo_segmenter.onnx)
+if(EXISTS ${BUILD}/share/dynslam/report/report.html)  # npm was there
+  check(${program} report ${WORK}/out)
+endif()
 check(${program} info ${WORK}/sequence --camera tum_fr3)  # a preset, by its name
 foreach(file IN ITEMS man/man1/dynslam.1 man/man1/dynslam-run.1 bash-completion/completions/dynslam)
   if(NOT EXISTS ${WORK}/moved/share/${file})

@@ -28,6 +28,7 @@ void add_text_targets(std::vector<Target>& targets);
 void add_bag_targets(std::vector<Target>& targets);
 void add_map_targets(std::vector<Target>& targets);
 void add_network_targets(std::vector<Target>& targets);
+void add_report_targets(std::vector<Target>& targets);
 
 [[nodiscard]] inline std::string text_of(Bytes bytes) {
   return std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size());

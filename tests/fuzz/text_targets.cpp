@@ -192,6 +192,7 @@ std::vector<Target> targets() {
   add_bag_targets(all);
   add_map_targets(all);
   add_network_targets(all);
+  add_report_targets(all);
   return all;
 }
 

@@ -154,6 +154,7 @@ void list(FieldList& f, RunOptions& o) {
   f("rate", o.rate, "1/s", "frame rate of formats without time stamps", between(0.01, 10000));
   f("masks", o.masks, "", "folder of a-priori masks; empty: none");
   f("save_masks", o.save_masks, "", "write the dynamic masks");
+  f("report", o.report, "", "write report.html, and what it shows of each frame into report.jsonl");
   f("map", o.map, "", "build and save map.sot");
   f("map_resolution", o.map_resolution, "m", "edge of a voxel", between(0.005, 1));
   f("map_memory", o.map_memory, "bytes", "memory that the octree may take; a run that needs more fails",

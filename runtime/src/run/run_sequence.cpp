@@ -27,6 +27,7 @@
 #include "io/make_folder.hpp"
 #include "io/process_memory.hpp"
 #include "io/space_reserve.hpp"
+#include "run/evidence_log.hpp"
 #include "run/recorded_pace.hpp"
 #include "run/run_summary.hpp"
 #include "run/run_timings.hpp"
@@ -102,7 +103,8 @@ class Run {
   std::optional<SegmentedFrame> next();
   void take(SegmentedFrame& input);
   void take_live(const RgbdFrame& frame);
-  void note(double t, const std::string& stamp, const TrackResult& result, const RunTimings::Row& times);
+  void note(double t, const std::string& stamp, const TrackResult& result, const cv::Mat& semantic,
+            const RunTimings::Row& times);
   void save_at_times();
   void report(const std::function<void(const Progress&)>& progress) const;
   void count_missing_masks();
@@ -126,6 +128,7 @@ class Run {
   MapSize map_size_;  // at the last keyframe
   std::exception_ptr failure_;
   std::optional<SpaceReserve> reserve_;
+  std::optional<EvidenceLog> evidence_;
   std::size_t unlisted_ = 0;  // problems that are not in the summary
   LostFrames lost_;           // those that are in it
   Stopwatch wall_, since_saved_;
@@ -154,7 +157,7 @@ void Run::start_stages() {
     live.clock = nullptr;
     live.result = [this](const LiveResult& r) {
       const std::lock_guard lock(mutex_);
-      note(r.t, r.stamp, r.track,
+      note(r.t, r.stamp, r.track, {},
            {r.stamp, r.track.times, r.network_ms, r.keeper_ms, 0, 0, {}, 1000 * r.latency, r.mask_age});
       save_at_times();
     };
@@ -182,6 +185,9 @@ void Run::prepare_outputs() {
   for (int map = 2; fs::remove(separate_file(options_.out, map)); ++map) {  // of an earlier run
   }
   if (options_.save_masks) make_folder(options_.out / "masks");
+  fs::remove(options_.out / "report.jsonl");  // of an earlier run
+  if (options_.report)
+    evidence_.emplace(options_.out / "report.jsonl", sequence_, cv::Size(camera_.width, camera_.height));
   // For all text files at once, the trajectory beside the one that it replaces.
   constexpr std::uint64_t kPerFrame = 700, kOthers = 1 << 18;  // bytes
   reserve_.emplace(options_.out, kPerFrame * sequence_.frames.size() + kOthers);
@@ -234,11 +240,14 @@ void Run::take(SegmentedFrame& input) {
   std::optional<Masks>& prior = input.segmented.masks;
   if (masks_) prior = masks_->read(frame.stamp, camera_.width, camera_.height);
   const TrackResult result = slam_->track(frame, prior);
-  note(frame.t, frame.stamp, result,
+  note(frame.t, frame.stamp, result, prior ? prior->dynamic : cv::Mat(),
        {frame.stamp, result.times, input.segmented.network_ms, input.segmented.keeper_ms, 0, 0, {}});
 }
 
-void Run::note(double t, const std::string& stamp, const TrackResult& result, const RunTimings::Row& times) {
+/// @param semantic  the a-priori mask, for a report; empty: none, or a live run's, which has it on another
+/// thread
+void Run::note(double t, const std::string& stamp, const TrackResult& result, const cv::Mat& semantic,
+               const RunTimings::Row& times) {
   if (result.mask_rejected != MaskVerdict::kept)
     summary_.masks_rejected.emplace_back(stamp, result.mask_rejected);
   if (result.ok()) {
@@ -250,6 +259,7 @@ void Run::note(double t, const std::string& stamp, const TrackResult& result, co
     note_problem(fmt::format("{}: {}", stamp, to_string(result.state)));
   }
   if (options_.save_masks) write_image(options_.out / "masks" / (stamp + ".png"), result.dynamic_mask);
+  if (evidence_) evidence_->add(stamp, result, semantic, slam_->motion());
   const double lap = wall_.lap_ms();
   elapsed_ms_ += lap;
   if (result.keyframe) map_size_ = {live_keyframes(slam_->map()), live_points(slam_->map())};
@@ -338,6 +348,7 @@ void Run::write_files() {
   for (const SeparateTrajectory& map : summary_.separate)
     attempt([&] { write_trajectory(separate_file(options_.out, map.map), map.poses); });
   attempt([&] { timings_.write(options_.out / "timings.csv"); });
+  if (evidence_) attempt([&] { evidence_->finish(slam_->map(), summary_.loops); });
   attempt([&] { write_summary(); });
 }
 

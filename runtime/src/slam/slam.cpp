@@ -104,6 +104,7 @@ struct Slam::State {
   FramePoses frames;
   std::size_t seen = 0;  // frames
   std::optional<double> last_t;
+  bool located = false;  // the last frame
   SavedScans loaded;
   std::map<std::pair<std::filesystem::path, int>, std::filesystem::path> beside;  // folders of separate maps
   bool whole = true;
@@ -173,9 +174,11 @@ TrackResult Slam::track(const RgbdFrame& frame, const std::optional<Masks>& prio
   s.last_t = frame.t;
   ++s.seen;
   TrackResult result;
+  s.located = false;
   s.journal.begin(*s.tracker);
   s.step([&] {
     result = s.tracker->track(frame, prior);
+    s.located = result.ok();
     if (result.ok()) s.frames.add(frame, result);
     if (!result.keyframe || !s.octree) return;
     insert_scan(result, frame, prior, s.frames, s.tracker->map(), *s.octree);
@@ -230,6 +233,10 @@ const LocalMap& Slam::map() const {
 
 const interop::SemanticOcTree* Slam::octree() const {
   return state_->octree ? &state_->octree->mapper().tree() : nullptr;
+}
+
+const Motion<double>* Slam::motion() const {
+  return state_->located ? state_->tracker->motion() : nullptr;
 }
 
 /// Never makes a saved map poorer: of a map in pieces nothing takes the place of what is there.

@@ -30,6 +30,7 @@ struct RunOptions {
   std::filesystem::path masks;            ///< folder of a-priori masks; empty: none
   SegmentationStageOptions segmentation;  ///< used where its model is set; not together with `masks`
   bool save_masks = false;
+  bool report = false;           ///< record what write_report() shows beside the other files: report.jsonl
   bool map = true;               ///< build and save map.sot
   double map_resolution = 0.05;  ///< metres
   std::size_t map_memory = std::size_t(2)

@@ -53,6 +53,11 @@ class Tracker {
   [[nodiscard]] const LocalMap& map() const { return map_; }
   /// Bundle adjustments that were used so far.
   [[nodiscard]] std::size_t adjustments() const { return adjustments_; }
+  /// What the geometry found in the frame last tracked; null where the mode does not ask it. After a frame
+  /// that was lost it is an earlier one's.
+  [[nodiscard]] const Motion<double>* motion() const {
+    return uses_geometry(options_.dynamics) ? &geometry_.motion() : nullptr;
+  }
   /// People at rest, whose features the next frame uses, CV_8UC1; empty where nobody is known to be.
   [[nodiscard]] const cv::Mat& resting() const { return resting_; }
 
