@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kSmallest = 80;        // pixels: less is no object
 constexpr int kFlowLevels = 3;       // of the pyramid that corners are followed in
-constexpr int kInner = 3;            // pixels from a mask's rim from which the network is trusted
+constexpr int kTrusted = 3;            // pixels from a mask's rim from which the network is trusted
 const cv::Size kFlowWindow(21, 21);  // around a corner
 
 float median_of(std::vector<float>& values) {
@@ -65,7 +65,7 @@ std::vector<cv::Rect> boxes_of(const cv::Mat& instances, const cv::Mat& dynamic)
 
 std::vector<MaskKeeper::Kept> MaskKeeper::parts_of(const Masks& masks) const {
   // Around a part there must be room for what depth may add to it, and for what it may cover later.
-  const int margin = options_.band + options_.most_band + kInner;
+  const int margin = options_.band + options_.most_band + kTrusted;
   const cv::Size size = masks.dynamic.size();
   std::vector<Kept> parts;
   const auto take = [&](const cv::Rect& box, const cv::Mat& image, int id, bool masked) {
@@ -98,7 +98,7 @@ void MaskKeeper::refine(Kept& part, const cv::Mat& whole_depth) const {
   cv::Mat& mask = part.mask;
   std::vector<float> values;
   cv::Mat inner;
-  cv::erode(mask, inner, square(kInner));
+  cv::erode(mask, inner, square(kTrusted));
   // Every other pixel of the image, wherever the part lies.
   for (int v = part.at.y % 2; v < mask.rows; v += 2) {
     for (int u = part.at.x % 2; u < mask.cols; u += 2) {
