@@ -64,6 +64,7 @@ apt install -y --no-install-recommends /packages/dynslam.deb
 inside dynslam --version
 inside dynslam synth /tmp/sequence --frames 6 > /dev/null
 inside dynslam run /tmp/sequence --out /tmp/out --model /usr/share/dynslam/models/demo_segmenter.onnx | head -n 1
+[ ! -e "$work/root/usr/share/dynslam/report/report.html" ] || inside dynslam report /tmp/out
 inside dynslam info /tmp/sequence --camera tum_fr3 > /dev/null
 [ -s "$work/root/tmp/out/trajectory.txt" ] || fail "no trajectory was written"
 echo "clean-root: installing libdynslam-dev"

@@ -158,6 +158,32 @@ TEST_CASE("images of any stride and of each type that is allowed give the same; 
   same("metres", [](const RawFrame& f, cv::Mat&, cv::Mat& depth) { depth = f.metres.clone(); });
 }
 
+TEST_CASE("what the geometry found can be asked for, as long as the frame has a pose") {
+  Slam slam(walk().camera);
+  CHECK(slam.motion() == nullptr);
+  bool found = false;
+  for (const RawFrame& f : walk().frames) {
+    const TrackResult result = slam.track(f.bgr, f.depth, f.t, std::nullopt, f.depth_delay);
+    REQUIRE(result.ok());
+    const Motion<double>* motion = slam.motion();
+    REQUIRE(motion != nullptr);
+    if (result.mask_rejected != MaskVerdict::kept) continue;
+    const cv::Mat mask(motion->mask.height(), motion->mask.width(), CV_8UC1,
+                       const_cast<std::uint8_t*>(motion->mask.data()));
+    CHECK(cv::countNonZero((mask != 0) != (result.dynamic_mask != 0)) == 0);
+    found = found || (motion->dynamic_matches > 0 && cv::countNonZero(mask) > 0);
+  }
+  CHECK(found);
+  const RawFrame& last = walk().frames.back();
+  CHECK_FALSE(slam.track(cv::Mat::zeros(last.bgr.size(), CV_8UC3), last.depth, last.t + 0.03).ok());
+  CHECK(slam.motion() == nullptr);
+  SlamOptions none;
+  none.dynamics = DynamicsMode::none;
+  Slam plain(walk().camera, none);
+  (void)plain.track(walk().frames[0].bgr, walk().frames[0].depth, walk().frames[0].t);
+  CHECK(plain.motion() == nullptr);
+}
+
 TEST_CASE("two systems in one process do not know of each other") {
   Slam alone(walk().camera);
   const std::string expected = trajectory_of(alone, {}, 10);

@@ -120,8 +120,8 @@ fs::path report_page() {
   fs::path page = program.parent_path().parent_path() / "share" / "dynslam" / "report" / "report.html";
   if (error || !fs::is_regular_file(page, error))
     throw UsageError(
-        "this program was built without the page of reports: npm was missing or reached no registry "
-        "(docs/report.md)");
+        "this program was built without the page of reports: npm was missing or reached no registry, or "
+        "DYNSLAM_REPORT was off (docs/report.md)");
   return page;
 }
 
