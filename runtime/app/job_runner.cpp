@@ -5,14 +5,14 @@
 #include <spawn.h>
 #include <sys/wait.h>
 
-#include <array>
 #include <atomic>
-#include <cerrno>
+#include <chrono>
 #include <csignal>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <system_error>
+#include <thread>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
@@ -31,7 +31,7 @@ extern "C" void note_stop(int signal) {
   stop_signal.store(signal);
 }
 
-/// Lets waitpid() end with EINTR where a signal asks for the end, as std::signal would not.
+/// Signals that are ignored stay so (nohup).
 void listen_for_stop() {
   struct sigaction action {};
   action.sa_handler = note_stop;
@@ -98,8 +98,11 @@ JobOutcome run_jobs(const std::vector<const rt::SweepJob*>& jobs, const JobPlace
       running[start(*job, place)] = job;
     }
     int status = 0;
-    const pid_t process = ::waitpid(-1, &status, 0);
-    if (process < 0 && errno == EINTR) continue;
+    const pid_t process = ::waitpid(-1, &status, WNOHANG);
+    if (process <= 0) {  // a signal between a look at stop_signal and a wait for good would be missed
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      continue;
+    }
     const auto found = running.find(process);
     if (found == running.end()) continue;
     const rt::SweepJob& job = *found->second;
