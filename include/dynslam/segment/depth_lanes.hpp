@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <bit>
 #include <cmath>
 #include <concepts>
@@ -8,10 +9,6 @@
 #include <cstring>
 #include <limits>
 #include <type_traits>
-
-#ifdef __SSE2__
-#include <emmintrin.h>
-#endif
 
 // Depths that are compared several at once, by the vectors of g++ and clang; one at a time with other
 // compilers or scalars.
@@ -70,7 +67,7 @@ template <std::floating_point S>
   if constexpr (DepthLanes<S>::kCount == 1) {
     return mask ? 1 : 0;
   } else {
-#ifdef __SSE2__
+#ifdef EIGEN_VECTORIZE_SSE2
     if constexpr (DepthLanes<S>::kCount == 4) {
       return static_cast<unsigned>(_mm_movemask_ps(std::bit_cast<__m128>(mask)));
     } else {

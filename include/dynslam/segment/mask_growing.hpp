@@ -45,7 +45,8 @@ struct MaskGrowingWorkspace {
   std::vector<std::uint8_t> region_age;
 };
 
-/// Completes objects around what was seen to move (paper, step 9): seeds -> regions -> surfaces completed -> holes filled -> ages.
+/// Completes objects around what was seen to move (paper, step 9): seeds -> regions -> surfaces completed ->
+/// holes filled -> ages.
 ///
 /// Growing must not wander through parts of the scene of which nothing is known yet, so it stays within
 /// `reach` of fresh evidence (a seed of age 0). A hole in a mover is the mover: its inside overlaps where it

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -9,10 +10,6 @@
 #include <cstring>
 #include <type_traits>
 #include <vector>
-
-#ifdef __SSE2__
-#include <emmintrin.h>
-#endif
 
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/image/image_row.hpp"
@@ -43,7 +40,7 @@ inline constexpr int kWordPixels = 64;
 
 /// Bit i is set where byte i is 255; 16 bytes that are 0 or 255.
 [[nodiscard]] inline std::uint64_t bits_of_bytes(const std::uint8_t* bytes) {
-#ifdef __SSE2__
+#ifdef EIGEN_VECTORIZE_SSE2
   const __m128i part = _mm_loadu_si128(reinterpret_cast<const __m128i*>(bytes));
   return static_cast<unsigned>(_mm_movemask_epi8(part));
 #else
