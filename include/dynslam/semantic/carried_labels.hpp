@@ -16,6 +16,7 @@
 
 namespace dynslam {
 
+/// When two pixels of different images show the same surface.
 template <std::floating_point S = float>
 struct CarriedLabelsOptions {
   DepthNoise<S> noise;

@@ -12,11 +12,13 @@
 
 namespace dynslam::runtime {
 
+/// What convert_sequence() changes on the way.
 struct ConvertOptions {
   cv::Size size{};        ///< of the new images [px]; empty: as they are
   std::size_t every = 1;  ///< one of so many frames is taken, the first one first
 };
 
+/// What convert_sequence() did.
 struct ConvertReport {
   std::size_t written = 0;
   std::vector<std::string> broken;  ///< frames that could not be read and were left out, one line each

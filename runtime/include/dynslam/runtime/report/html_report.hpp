@@ -8,6 +8,7 @@
 
 namespace dynslam::runtime {
 
+/// What write_report() shows, and where.
 struct ReportOptions {
   /// Folders that `run` or `ablate` wrote; one of `ablate` stands for its modes. All of one sequence.
   std::vector<std::filesystem::path> runs;
@@ -19,6 +20,7 @@ struct ReportOptions {
   std::size_t max_bytes = 15'000'000;
 };
 
+/// What write_report() wrote.
 struct ReportResult {
   std::filesystem::path file;
   std::size_t bytes = 0;
