@@ -28,7 +28,10 @@ echo "The paper's method, its masks added one by one"
 "$dynslam" ablate "$out/sequence" --model models/demo_segmenter.onnx --method paper --map false --out "$out/paper"
 echo
 echo "The whole method"
-"$dynslam" ablate "$out/sequence" --model models/demo_segmenter.onnx --out "$out"
+report=()  # the page of reports needs npm, as the build has said where there is none
+if [ -s build/release/share/dynslam/report/report.html ]; then report=(--report); fi
+"$dynslam" ablate "$out/sequence" --model models/demo_segmenter.onnx --out "$out" "${report[@]}"
 
 echo
+[ -z "${report[*]}" ] || echo "Report: $PWD/$out/report.html, to be opened in a browser"
 echo "Results: $PWD/$out (the paper's method: $PWD/$out/paper)"
