@@ -42,6 +42,7 @@
 #include "dynslam/segment/mask_upsampling.hpp"
 #include "dynslam/segment/pixel_runs.hpp"
 #include "dynslam/segment/region_growing.hpp"
+#include "dynslam/semantic/carried_labels.hpp"
 #include "dynslam/semantic/map_scan.hpp"
 #include "image_kinds.hpp"
 #include "random.hpp"
@@ -188,6 +189,10 @@ void cells_of(const ImageSet<S>& set, Record<double>& out) {
   auto dynamic = Kind::make(set.mask), rest = Kind::make(zero);
   give_back_resting(Kind::in(instances), resting, Kind::out(dynamic), Kind::out(rest));
   put_image(out, "give_back_resting", Kind::in(rest));
+  auto carried = Kind::make(zero);
+  // Seen from where it is, so that no pixel lies between two.
+  carry_labels(camera, Kind::in(depth), Kind::in(instances), Kind::in(depth), SE3<S>(), Kind::out(carried));
+  put_image(out, "carry_labels", Kind::in(carried));
   DepthBounds<S> bounds;
   bounds.compute(Kind::in(depth));
   put_image(out, "bounds.nearest", bounds.nearest);
