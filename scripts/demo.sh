@@ -33,5 +33,4 @@ if [ -s build/release/share/dynslam/report/report.html ]; then report=(--report)
 "$dynslam" ablate "$out/sequence" --model models/demo_segmenter.onnx --out "$out" "${report[@]}"
 
 echo
-[ -z "${report[*]}" ] || echo "Report: $PWD/$out/report.html, to be opened in a browser"
 echo "Results: $PWD/$out (the paper's method: $PWD/$out/paper)"
