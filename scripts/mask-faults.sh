@@ -13,7 +13,7 @@ program=${DYNSLAM:-build/release/bin/dynslam}
 faults='object-always object-third object-first-half object-second-half cover mirrored late shifted empty blobs'
 mkdir -p "$out"
 
-number() { sed -n "s/^ *\"$1\": \([0-9]*\).*/\1/p" "$2"; }
+. scripts/run-figures.sh
 
 run() {  # name, then the mode and its options
   local name=$1
@@ -22,7 +22,7 @@ run() {  # name, then the mode and its options
   "$program" eval "$out/$name/trajectory.txt" "$sequence/groundtruth.txt" --json > "$out/$name.json" 2> /dev/null || true
   printf '%-20s %4s of %4s %9.4f %9s\n' "$name" "$(number tracked "$out/$name/summary.json")" \
     "$(number frames "$out/$name/summary.json")" \
-    "$(sed -n 's/.*"ate_m":{[^}]*"rmse":\([0-9.e-]*\).*/\1/p' "$out/$name.json")" \
+    "$(ate "$out/$name.json")" \
     "$(number masks_rejected "$out/$name/summary.json")"
 }
 

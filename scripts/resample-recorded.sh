@@ -18,8 +18,7 @@ program=${DYNSLAM:-build/release/bin/dynslam}
 rows=${ROWS:-as-is/1 as-is/3 320x240/1 540x405/1 540x405/6}
 mkdir -p "$out"
 
-number() { sed -n "s/^ *\"$1\": \([0-9]*\).*/\1/p" "$2"; }
-ate() { sed -n 's/.*"ate_m":{[^}]*"rmse":\([0-9.e-]*\).*/\1/p' "$1"; }
+. scripts/run-figures.sh
 
 printf '%-44s %-10s %-12s %12s %9s %7s\n' sequence mode size/every tracked 'ATE [m]' change
 for given in "$@"; do

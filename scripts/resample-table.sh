@@ -13,8 +13,7 @@ seconds=${2:-3}
 program=${DYNSLAM:-build/release/bin/dynslam}
 mkdir -p "$out"
 
-number() { sed -n "s/^ *\"$1\": \([0-9]*\).*/\1/p" "$2"; }
-ate() { sed -n 's/.*"ate_m":{[^}]*"rmse":\([0-9.e-]*\).*/\1/p' "$1"; }
+. scripts/run-figures.sh
 step() {  # mean distance between frames [m]
   awk '!/^#/ { if (n++) s += sqrt(($2-x)^2 + ($3-y)^2 + ($4-z)^2); x = $2; y = $3; z = $4 } END { print s / (n - 1) }' "$1"
 }

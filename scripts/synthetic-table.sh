@@ -11,7 +11,7 @@ out=${1:-results/synthetic}
 program=${DYNSLAM:-build/release/bin/dynslam}
 mkdir -p "$out"
 
-ate() { sed -n 's/.*"ate_m":{[^}]*"rmse":\([0-9.e-]*\).*/\1/p' "$1"; }
+. scripts/run-figures.sh
 
 printf '%-22s %10s %10s %10s %10s\n' sequence none semantic geometric both
 for scene in walking_static walking_xyz walking_rpy walking_halfsphere sitting_halfsphere; do

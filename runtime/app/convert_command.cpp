@@ -29,9 +29,7 @@ ConvertCommand::ConvertCommand(CLI::App& app) : o_(std::make_unique<Options>()) 
   o.command->add_option("sequence", o.sequence, "Folder of a sequence, or a ROS 1 bag")->required();
   o.command->add_option("out", o.out, "New folder")->required();
   add_format_options(*o.command, o.reading.format, o.reading.topics, o.reading.rate);
-  o.command->add_option(
-      "--camera", o.camera,
-      "fr1, fr2, fr3, bonn, a preset as realsense_d435, or a camera file (default: from the sequence)");
+  add_camera_option(*o.command, o.camera);
   o.command->add_option("--max-frames", o.reading.max_frames, "Stop after that many frames (0: all)")
       ->capture_default_str()
       ->check(whole());

@@ -64,9 +64,7 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
       ->required()
       ->check(CLI::IsMember(
           std::vector<std::string>(runtime::kMaskFaultNames.begin(), runtime::kMaskFaultNames.end())));
-  o.faults->add_option(
-      "--camera", o.fault.camera,
-      "fr1, fr2, fr3, bonn, a preset as realsense_d435, or a camera file (default: from the sequence)");
+  add_camera_option(*o.faults, o.fault.camera);
   add_format_options(*o.faults, o.fault.format, o.fault.topics, o.fault.rate);
   o.faults->add_option("--seed", o.fault.seed, "Of random blobs")->capture_default_str()->check(whole());
 }

@@ -24,4 +24,10 @@ void add_format_options(CLI::App& app, std::string& format, std::string& topics,
       ->check(number_in(0.001, 1000));
 }
 
+void add_camera_option(CLI::App& app, std::string& camera) {
+  app.add_option(
+      "--camera", camera,
+      "fr1, fr2, fr3, bonn, a preset as realsense_d435, or a camera file (default: from the sequence)");
+}
+
 }  // namespace dynslam::app

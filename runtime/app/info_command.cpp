@@ -22,9 +22,7 @@ InfoCommand::InfoCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   o.command = app.add_subcommand("info", "Say what a sequence is, what is odd about it, and how to run it");
   o.command->add_option("sequence", o.sequence, "Folder of a sequence, or a ROS 1 bag")->required();
   add_format_options(*o.command, o.inspect.reading.format, o.inspect.reading.topics, o.inspect.reading.rate);
-  o.command->add_option(
-      "--camera", o.inspect.camera,
-      "fr1, fr2, fr3, bonn, a preset as realsense_d435, or a camera file (default: from the sequence)");
+  add_camera_option(*o.command, o.inspect.camera);
   o.command->add_flag("--json", o.json, "Print JSON");
 }
 

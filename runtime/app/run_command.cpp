@@ -148,9 +148,7 @@ void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_
                  "Folder of a sequence: TUM, 7-Scenes, ... (see --format), or a ROS 1 bag")
       ->required();
   app.add_option("--out,-o", o.out, fmt::format("Folder for the results (default: {})", default_out));
-  app.add_option(
-      "--camera", o.camera,
-      "fr1, fr2, fr3, bonn, a preset as realsense_d435, or a camera file (default: from the sequence)");
+  add_camera_option(app, o.camera);
   add_format_options(app, o.format, o.topics, o.rate);
   app.add_option(
       "--masks", o.masks,
