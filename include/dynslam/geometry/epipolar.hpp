@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <concepts>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -154,12 +155,13 @@ struct FundamentalResult {
 
 namespace detail {
 /// Sampson's distance in matches' normalised coordinates as F changes, for fundamental_ransac.
+template <std::same_as<double> W>  // of a template nothing is compiled where it is not used
 class FundamentalSearch {
   struct Parts {
     float e2, g;
   };
-  [[nodiscard]] static auto sampson(const Eigen::Matrix3d& F) {
-    const Eigen::Matrix3f f = F.cast<float>();
+  [[nodiscard]] static auto sampson(const Eigen::Matrix<W, 3, 3>& F) {
+    const Eigen::Matrix<float, 3, 3> f = F.template cast<float>();
     const float f00 = f(0, 0), f01 = f(0, 1), f02 = f(0, 2), f10 = f(1, 0), f11 = f(1, 1), f12 = f(1, 2),
                 f20 = f(2, 0), f21 = f(2, 1), f22 = f(2, 2);
     return [=](float x, float y, float x_m, float y_m) {
@@ -174,7 +176,7 @@ class FundamentalSearch {
   FundamentalSearch(const NormalisedMatches& matches, double limit) : matches_(matches), limit_(limit) {}
 
   /// Sum of inlier_worth, d^2 being e^2 / |gradient|^2.
-  [[nodiscard]] float score(const Eigen::Matrix3d& F, float beaten) const {
+  [[nodiscard]] float score(const Eigen::Matrix<W, 3, 3>& F, float beaten) const {
     const auto distance = sampson(F);
     const float inverse = static_cast<float>(1 / limit_);
     return matches_.sum(beaten, [=](float x, float y, float x_m, float y_m) {
@@ -183,7 +185,7 @@ class FundamentalSearch {
     });
   }
   /// Matches within the limit.
-  [[nodiscard]] int inliers(const Eigen::Matrix3d& F) const {
+  [[nodiscard]] int inliers(const Eigen::Matrix<W, 3, 3>& F) const {
     const auto distance = sampson(F);
     const float limit = static_cast<float>(limit_);
     return static_cast<int>(matches_.sum(-1.0F, [=](float x, float y, float x_m, float y_m) {
@@ -192,14 +194,14 @@ class FundamentalSearch {
     }));
   }
 
-  [[nodiscard]] bool near(const Eigen::Matrix3d& F, std::size_t i) const {
-    return sampson_distance_squared<double>(F, matches_.first(i).head<2>(), matches_.second(i).head<2>()) <=
+  [[nodiscard]] bool near(const Eigen::Matrix<W, 3, 3>& F, std::size_t i) const {
+    return sampson_distance_squared<W>(F, matches_.first(i).head<2>(), matches_.second(i).head<2>()) <=
            limit_;
   }
 
   /// Least squares of Sampson's distances of the inliers of F: the eight-point equations, each weighed by its
   /// gradient at F, then the nearest matrix of rank 2.
-  [[nodiscard]] std::optional<Eigen::Matrix3d> refit(const Eigen::Matrix3d& F, double wide) {
+  [[nodiscard]] std::optional<Eigen::Matrix<W, 3, 3>> refit(const Eigen::Matrix<W, 3, 3>& F, double wide) {
     const auto x = matches_.fine(0), y = matches_.fine(1), x_m = matches_.fine(2), y_m = matches_.fine(3);
     a_ = F(0, 0) * x + F(0, 1) * y + F(0, 2);
     b_ = F(1, 0) * x + F(1, 1) * y + F(1, 2);
@@ -208,9 +210,9 @@ class FundamentalSearch {
               (F(0, 1) * x_m + F(1, 1) * y_m + F(2, 1)).square();
     for (Eigen::Index i = 0; i < weight_.size(); ++i)
       weight_(i) = e_(i) * e_(i) <= wide * limit_ * weight_(i) && weight_(i) > 0 ? 1 / weight_(i) : 0.0;
-    Eigen::Matrix<double, 9, 9> A;
-    const auto fill = [&](Eigen::Index i, Eigen::Index j, const Eigen::ArrayXd& w) {
-      A.block<3, 3>(3 * i, 3 * j) = A.block<3, 3>(3 * j, 3 * i) = matches_.moments(w);
+    Eigen::Matrix<W, 9, 9> A;
+    const auto fill = [&](Eigen::Index i, Eigen::Index j, const Eigen::ArrayX<W>& w) {
+      A.template block<3, 3>(3 * i, 3 * j) = A.template block<3, 3>(3 * j, 3 * i) = matches_.moments(w);
     };
     fill(2, 2, weight_);
     fill(0, 2, a_ = weight_ * x_m);
@@ -221,19 +223,19 @@ class FundamentalSearch {
     const auto f = smallest_eigenvector(A, as_vector(F));
     if (!f) return std::nullopt;
     // Without the direction that it maps to the least: the eigenvector of F^T F with the smallest eigenvalue.
-    const Eigen::Matrix3d m = as_matrix(*f);
-    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
+    const Eigen::Matrix<W, 3, 3> m = as_matrix(*f);
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix<W, 3, 3>> eigen;
     eigen.computeDirect(m.transpose() * m);
-    const Eigen::Vector3d null = eigen.eigenvectors().col(0);
-    Eigen::Matrix3d rank2 = m - m * null * null.transpose();
+    const Eigen::Matrix<W, 3, 1> null = eigen.eigenvectors().col(0);
+    Eigen::Matrix<W, 3, 3> rank2 = m - m * null * null.transpose();
     rank2 /= rank2.norm();
-    return rank2.allFinite() ? std::optional<Eigen::Matrix3d>(rank2) : std::nullopt;
+    return rank2.allFinite() ? std::optional<Eigen::Matrix<W, 3, 3>>(rank2) : std::nullopt;
   }
 
  private:
   const NormalisedMatches& matches_;
   double limit_;
-  Eigen::ArrayXd a_, b_, e_, weight_;
+  Eigen::ArrayX<W> a_, b_, e_, weight_;
 };
 }  // namespace detail
 
@@ -242,9 +244,10 @@ namespace detail {
 /// taken. The one of the scene is H and two matches off the plane: [e]x H, e being where their lines cross
 /// (DEGENSAC, Chum et al. 2005).
 /// @param index  scratch
-inline void leave_plane(const NormalisedMatches& matches, double limit, std::uint64_t seed,
-                        FundamentalSearch& fundamental, BestModel<FundamentalSearch>& best,
-                        std::vector<int>& index) {
+template <std::same_as<double> W>
+void leave_plane(const NormalisedMatches& matches, W limit, std::uint64_t seed,
+                 FundamentalSearch<W>& fundamental, BestModel<FundamentalSearch<W>>& best,
+                 std::vector<int>& index) {
   constexpr int kPlanes = 20, kPairs = 50;
   const auto list = [&](const auto& belongs) {
     index.clear();
@@ -257,14 +260,14 @@ inline void leave_plane(const NormalisedMatches& matches, double limit, std::uin
     draw_distinct(random, index.size(), sample);
     for (std::size_t& k : sample) k = static_cast<std::size_t>(index[k]);
   };
-  HomographySearch planes(matches, limit);
+  HomographySearch<W> planes(matches, limit);
   BestModel plane(planes, 3);
   list([&](std::size_t i) { return fundamental.near(best.model(), i); });
   if (index.size() < 8) return;
   for (int k = 0; k < kPlanes && 10 * plane.inliers() < 9 * best.inliers(); ++k) {
     std::array<std::size_t, 4> sample{};
     draw(sample);
-    Eigen::Matrix<double, 3, 4> p, q;
+    Eigen::Matrix<W, 3, 4> p, q;
     for (std::size_t j = 0; j < 4; ++j) {
       p.col(static_cast<Eigen::Index>(j)) = matches.first(sample[j]);
       q.col(static_cast<Eigen::Index>(j)) = matches.second(sample[j]);
@@ -272,18 +275,18 @@ inline void leave_plane(const NormalisedMatches& matches, double limit, std::uin
     if (const auto H = homography_four_point(p, q)) plane.consider(*H, 4);
   }
   if (2 * plane.inliers() < best.inliers()) return;
-  const Eigen::Matrix3d H = plane.model();
+  const Eigen::Matrix<W, 3, 3> H = plane.model();
   list([&](std::size_t i) { return !planes.near(H, i); });
   if (index.size() < 2) return;
   for (int k = 0; k < kPairs; ++k) {
     std::array<std::size_t, 2> pair{};
     draw(pair);
     const auto line = [&](std::size_t i) {
-      return Eigen::Vector3d((H * matches.first(i)).cross(matches.second(i)));
+      return Eigen::Matrix<W, 3, 1>((H * matches.first(i)).cross(matches.second(i)));
     };
-    const Eigen::Vector3d e = line(pair[0]).cross(line(pair[1]));
-    const Eigen::Matrix3d F = SO3<double>::hat(e) * H;
-    const double norm = F.norm();
+    const Eigen::Matrix<W, 3, 1> e = line(pair[0]).cross(line(pair[1]));
+    const Eigen::Matrix<W, 3, 3> F = SO3<W>::hat(e) * H;
+    const W norm = F.norm();
     if (norm > 0 && std::isfinite(norm)) best.consider(F / norm, 7);
   }
 }
@@ -304,7 +307,7 @@ template <std::floating_point S>
   detail::NormalisedMatches matches;
   if (!matches.set<S>(x, x_m, n, workspace)) return result;
   const double threshold = matches.scale() * static_cast<double>(options.threshold_px);
-  detail::FundamentalSearch search(matches, threshold * threshold);
+  detail::FundamentalSearch<double> search(matches, threshold * threshold);
   detail::BestModel best(search, options.refinements);
   result.iterations = detail::search_models<7, S>(
       n, options, best, [&](const std::array<std::size_t, 7>& sample, const auto& consider) {

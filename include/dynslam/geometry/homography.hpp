@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <concepts>
 #include <limits>
 #include <optional>
 #include <span>
@@ -96,12 +97,13 @@ template <std::floating_point S>
 
 namespace detail {
 /// Transfer errors in matches' normalised coordinates as H changes, for homography_ransac.
+template <std::same_as<double> W>  // of a template nothing is compiled where it is not used
 class HomographySearch {
   struct Parts {
     float d2, z;  // of the numerators
   };
-  [[nodiscard]] static auto transfer_error(const Eigen::Matrix3d& H) {
-    const Eigen::Matrix3f h = H.cast<float>();
+  [[nodiscard]] static auto transfer_error(const Eigen::Matrix<W, 3, 3>& H) {
+    const Eigen::Matrix<float, 3, 3> h = H.template cast<float>();
     const float h00 = h(0, 0), h01 = h(0, 1), h02 = h(0, 2), h10 = h(1, 0), h11 = h(1, 1), h12 = h(1, 2),
                 h20 = h(2, 0), h21 = h(2, 1), h22 = h(2, 2);
     return [=](float x, float y, float x_m, float y_m) {
@@ -115,7 +117,7 @@ class HomographySearch {
   HomographySearch(const NormalisedMatches& matches, double limit) : matches_(matches), limit_(limit) {}
 
   /// Sum of inlier_worth, d^2 being |H x - x_m|^2, over the matches with H x in front.
-  [[nodiscard]] float score(const Eigen::Matrix3d& H, float beaten) const {
+  [[nodiscard]] float score(const Eigen::Matrix<W, 3, 3>& H, float beaten) const {
     const auto distance = transfer_error(H);
     const float inverse = static_cast<float>(1 / limit_);
     return matches_.sum(beaten, [=](float x, float y, float x_m, float y_m) {
@@ -125,7 +127,7 @@ class HomographySearch {
     });
   }
   /// Matches within the limit.
-  [[nodiscard]] int inliers(const Eigen::Matrix3d& H) const {
+  [[nodiscard]] int inliers(const Eigen::Matrix<W, 3, 3>& H) const {
     const auto distance = transfer_error(H);
     const float limit = static_cast<float>(limit_);
     return static_cast<int>(matches_.sum(-1.0F, [=](float x, float y, float x_m, float y_m) {
@@ -134,14 +136,14 @@ class HomographySearch {
     }));
   }
 
-  [[nodiscard]] bool near(const Eigen::Matrix3d& H, std::size_t i) const {
-    return transfer_distance_squared<double>(H, matches_.first(i).head<2>(), matches_.second(i).head<2>()) <=
+  [[nodiscard]] bool near(const Eigen::Matrix<W, 3, 3>& H, std::size_t i) const {
+    return transfer_distance_squared<W>(H, matches_.first(i).head<2>(), matches_.second(i).head<2>()) <=
            limit_;
   }
 
   /// Least squares of the inliers' transfer errors: the equations of the direct linear transform, each pair
   /// divided by the depth H x has.
-  [[nodiscard]] std::optional<Eigen::Matrix3d> refit(const Eigen::Matrix3d& H, double wide) {
+  [[nodiscard]] std::optional<Eigen::Matrix<W, 3, 3>> refit(const Eigen::Matrix<W, 3, 3>& H, double wide) {
     const auto x = matches_.fine(0), y = matches_.fine(1), x_m = matches_.fine(2), y_m = matches_.fine(3);
     z_ = H(2, 0) * x + H(2, 1) * y + H(2, 2);
     weight_ = (H(0, 0) * x + H(0, 1) * y + H(0, 2) - z_ * x_m).square() +
@@ -150,11 +152,11 @@ class HomographySearch {
       const double z2 = z_(i) * z_(i);
       weight_(i) = weight_(i) <= wide * limit_ * z2 && z_(i) > 0 ? 1 / z2 : 0.0;
     }
-    Eigen::Matrix<double, 9, 9> A = Eigen::Matrix<double, 9, 9>::Zero();
-    A.block<3, 3>(0, 0) = A.block<3, 3>(3, 3) = matches_.moments(weight_);
-    A.block<3, 3>(0, 6) = A.block<3, 3>(6, 0) = -matches_.moments(z_ = weight_ * x_m);
-    A.block<3, 3>(3, 6) = A.block<3, 3>(6, 3) = -matches_.moments(z_ = weight_ * y_m);
-    A.block<3, 3>(6, 6) = matches_.moments(z_ = weight_ * (x_m.square() + y_m.square()));
+    Eigen::Matrix<W, 9, 9> A = Eigen::Matrix<W, 9, 9>::Zero();
+    A.template block<3, 3>(0, 0) = A.template block<3, 3>(3, 3) = matches_.moments(weight_);
+    A.template block<3, 3>(0, 6) = A.template block<3, 3>(6, 0) = -matches_.moments(z_ = weight_ * x_m);
+    A.template block<3, 3>(3, 6) = A.template block<3, 3>(6, 3) = -matches_.moments(z_ = weight_ * y_m);
+    A.template block<3, 3>(6, 6) = matches_.moments(z_ = weight_ * (x_m.square() + y_m.square()));
     const auto h = smallest_eigenvector(A, as_vector(H));
     if (!h) return std::nullopt;
     return as_matrix(*h);
@@ -163,7 +165,7 @@ class HomographySearch {
  private:
   const NormalisedMatches& matches_;
   double limit_;
-  Eigen::ArrayXd z_, weight_;
+  Eigen::ArrayX<W> z_, weight_;
 };
 }  // namespace detail
 
@@ -180,7 +182,7 @@ template <std::floating_point S>
   detail::NormalisedMatches matches;
   if (!matches.set<S>(x, x_m, n, workspace)) return result;
   const double threshold = matches.scale() * static_cast<double>(options.threshold_px);
-  detail::HomographySearch search(matches, threshold * threshold);
+  detail::HomographySearch<double> search(matches, threshold * threshold);
   detail::BestModel best(search, options.refinements);
   result.iterations = detail::search_models<4, S>(
       n, options, best, [&](const std::array<std::size_t, 4>& sample, const auto& consider) {

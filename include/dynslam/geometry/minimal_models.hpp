@@ -7,9 +7,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <optional>
 #include <utility>
+
+// Of double alone, and templates all the same: who includes them and does not call them waits for no
+// compiler.
 
 namespace dynslam {
 
@@ -61,9 +65,9 @@ inline int real_roots(double a, double b, double c, double d, std::array<double,
 /// @param p, q  homogeneous points of the two images, one per column
 /// @param F     out
 /// @return how many; 0 where the matches leave more than one pencil of F
-[[nodiscard]] inline int fundamental_seven_point(const Eigen::Matrix<double, 3, 7>& p,
-                                                 const Eigen::Matrix<double, 3, 7>& q,
-                                                 std::array<Eigen::Matrix3d, 3>& F) {
+template <std::same_as<double> W>
+[[nodiscard]] int fundamental_seven_point(const Eigen::Matrix<W, 3, 7>& p, const Eigen::Matrix<W, 3, 7>& q,
+                                          std::array<Eigen::Matrix<W, 3, 3>, 3>& F) {
   std::array<std::array<double, 9>, 7> A;
   for (std::size_t k = 0; k < 7; ++k) {
     for (std::size_t i = 0; i < 9; ++i)
@@ -95,21 +99,22 @@ inline int real_roots(double a, double b, double c, double d, std::array<double,
     f[0][c] = a / A[c][c];
     f[1][c] = b / A[c][c];
   }
-  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  Eigen::Matrix3d G = Eigen::Map<const RowMajor>(f[0].data()), H = Eigen::Map<const RowMajor>(f[1].data());
+  using Matrix3 = Eigen::Matrix<W, 3, 3>;
+  using RowMajor = Eigen::Matrix<W, 3, 3, Eigen::RowMajor>;
+  Matrix3 G = Eigen::Map<const RowMajor>(f[0].data()), H = Eigen::Map<const RowMajor>(f[1].data());
   G /= G.norm();
   H /= H.norm();
-  const auto cofactors = [](const Eigen::Matrix3d& m) {
-    Eigen::Matrix3d c;
+  const auto cofactors = [](const Matrix3& m) {
+    Matrix3 c;
     c << m.col(1).cross(m.col(2)), m.col(2).cross(m.col(0)), m.col(0).cross(m.col(1));
     return c;
   };
-  const Eigen::Matrix3d cG = cofactors(G), cH = cofactors(H);
+  const Matrix3 cG = cofactors(G), cH = cofactors(H);
   std::array<double, 3> t{};
   const int n = detail::real_roots(G.col(0).dot(cG.col(0)), cG.cwiseProduct(H).sum(),
                                    cH.cwiseProduct(G).sum(), H.col(0).dot(cH.col(0)), t);
   for (int k = 0; k < n; ++k) {
-    Eigen::Matrix3d& m = F[static_cast<std::size_t>(k)];
+    Matrix3& m = F[static_cast<std::size_t>(k)];
     m = t[static_cast<std::size_t>(k)] * G + H;
     m /= m.norm();
   }
@@ -120,24 +125,27 @@ inline int real_roots(double a, double b, double c, double d, std::array<double,
 /// @param p, q  homogeneous points of the two images, one per column
 /// @return nullopt where three of the points are on a line, and where no camera sees the four in this order
 ///         from one side of a plane
-[[nodiscard]] inline std::optional<Eigen::Matrix3d> homography_four_point(
-    const Eigen::Matrix<double, 3, 4>& p, const Eigen::Matrix<double, 3, 4>& q) {
-  Eigen::Matrix3d basis[2], inverse[2];
-  Eigen::Vector3d weight[2];
+template <std::same_as<double> W>
+[[nodiscard]] std::optional<Eigen::Matrix<W, 3, 3>> homography_four_point(const Eigen::Matrix<W, 3, 4>& p,
+                                                                          const Eigen::Matrix<W, 3, 4>& q) {
+  using Matrix3 = Eigen::Matrix<W, 3, 3>;
+  using Vector3 = Eigen::Matrix<W, 3, 1>;
+  Matrix3 basis[2], inverse[2];
+  Vector3 weight[2];
   for (int side = 0; side < 2; ++side) {
     const auto& points = side == 0 ? p : q;
-    const Eigen::Vector3d a = points.col(0), b = points.col(1), c = points.col(2);
+    const Vector3 a = points.col(0), b = points.col(1), c = points.col(2);
     inverse[side] << b.cross(c).transpose(), c.cross(a).transpose(), a.cross(b).transpose();
     const double determinant = inverse[side].row(0) * a;
     if (!(std::abs(determinant) > 1e-6)) return std::nullopt;
     weight[side] = inverse[side] * points.col(3) / determinant;
     inverse[side] /= determinant;
     if (!(weight[side].cwiseAbs().minCoeff() > 1e-6)) return std::nullopt;
-    basis[side] = points.leftCols<3>();
+    basis[side] = points.template leftCols<3>();
   }
-  const Eigen::Vector3d ratio = weight[1].cwiseQuotient(weight[0]);
+  const Vector3 ratio = weight[1].cwiseQuotient(weight[0]);
   if (!(ratio.minCoeff() > 0)) return std::nullopt;
-  Eigen::Matrix3d H = basis[1] * ratio.asDiagonal() * inverse[0];
+  Matrix3 H = basis[1] * ratio.asDiagonal() * inverse[0];
   H /= H.norm();
   return H;
 }

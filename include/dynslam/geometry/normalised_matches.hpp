@@ -135,28 +135,34 @@ class NormalisedMatches {
   const double* fine_ = nullptr;
 };
 
+// From here on of double alone, and templates all the same: who includes them and does not call them waits
+// for no compiler.
+
 /// Row by row in a vector, and back.
-[[nodiscard]] inline Eigen::Matrix<double, 9, 1> as_vector(const Eigen::Matrix3d& m) {
-  Eigen::Matrix<double, 9, 1> v;
+template <std::same_as<double> W>
+[[nodiscard]] Eigen::Matrix<W, 9, 1> as_vector(const Eigen::Matrix<W, 3, 3>& m) {
+  Eigen::Matrix<W, 9, 1> v;
   v << m.row(0).transpose(), m.row(1).transpose(), m.row(2).transpose();
   return v;
 }
-[[nodiscard]] inline Eigen::Matrix3d as_matrix(const Eigen::Matrix<double, 9, 1>& v) {
-  Eigen::Matrix3d m;
+template <std::same_as<double> W>
+[[nodiscard]] Eigen::Matrix<W, 3, 3> as_matrix(const Eigen::Matrix<W, 9, 1>& v) {
+  Eigen::Matrix<W, 3, 3> m;
   m << v(0), v(1), v(2), v(3), v(4), v(5), v(6), v(7), v(8);
   return m;
 }
 
 /// Eigenvector of the smallest eigenvalue by inverse iteration from a vector that is near it; nullopt where
 /// the matrix is not positive (semi)definite.
-[[nodiscard]] inline std::optional<Eigen::Matrix<double, 9, 1>> smallest_eigenvector(
-    Eigen::Matrix<double, 9, 9> A, const Eigen::Matrix<double, 9, 1>& near) {
+template <std::same_as<double> W>
+[[nodiscard]] std::optional<Eigen::Matrix<W, 9, 1>> smallest_eigenvector(Eigen::Matrix<W, 9, 9> A,
+                                                                         const Eigen::Matrix<W, 9, 1>& near) {
   A.diagonal().array() += 1e-14 * A.trace();
-  const Eigen::LLT<Eigen::Matrix<double, 9, 9>> factors(A);
+  const Eigen::LLT<Eigen::Matrix<W, 9, 9>> factors(A);
   if (factors.info() != Eigen::Success) return std::nullopt;
-  Eigen::Matrix<double, 9, 1> v = near;
+  Eigen::Matrix<W, 9, 1> v = near;
   for (int i = 0; i < 6; ++i) {
-    Eigen::Matrix<double, 9, 1> next = factors.solve(v);
+    Eigen::Matrix<W, 9, 1> next = factors.solve(v);
     next.normalize();
     if (next.dot(v) < 0) next = -next;
     const bool done = (next - v).squaredNorm() < 1e-12;
