@@ -9,7 +9,7 @@
 set -euo pipefail
 
 app=(build-essential cmake ninja-build ccache curl ca-certificates
-  libeigen3-dev libopencv-dev liboctomap-dev libcli11-dev nlohmann-json3-dev libfmt-dev libjpeg-dev
+  libeigen3-dev libopencv-dev liboctomap-dev libcli11-dev nlohmann-json3-dev libfmt-dev libjpeg-dev libdeflate-dev
   libbz2-dev liblz4-dev)
 development=(git clang doctest-dev libbenchmark-dev libceres-dev libopencv-contrib-dev
   pkg-config python3 unzip file doxygen libjs-mathjax parallel)

@@ -46,7 +46,7 @@ camera type (C++20, Eigen alone), with adapters to OpenCV and OctoMap.")
 set(CPACK_DEBIAN_LIBDYNSLAM_RUNTIME_DEV_PACKAGE_NAME libdynslam-runtime-dev)
 set(CPACK_DEBIAN_LIBDYNSLAM_RUNTIME_DEV_PACKAGE_SECTION libdevel)
 set(runtime_needs "libdynslam-dev (= ${PROJECT_VERSION})" "dynslam (= ${PROJECT_VERSION})"
-  libopencv-dev liboctomap-dev nlohmann-json3-dev libfmt-dev libjpeg-dev)
+  libopencv-dev liboctomap-dev nlohmann-json3-dev libfmt-dev libjpeg-dev libdeflate-dev)
 if(BZip2_FOUND)
   list(APPEND runtime_needs libbz2-dev)
 endif()

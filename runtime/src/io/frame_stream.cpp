@@ -38,12 +38,35 @@ RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const Camer
   return frame;
 }
 
+namespace {
+
+/// Does `step` with a frame; a broken frame is the reader's to judge, not the thread's.
+template <class Step>
+void attempt(FrameResult& result, const Step& step) {
+  try {
+    step();
+  } catch (const std::bad_alloc&) {
+    result.error = result.record.rgb.string() + ": there is not enough memory to decode it";
+    result.frame.reset();
+  } catch (const std::exception& error) {
+    result.error = error.what();
+    result.frame.reset();
+  }
+}
+
+constexpr std::size_t kDecodedAhead = 2;  // of the thread that prepares: it is the slower one
+
+}  // namespace
+
 FrameStream::FrameStream(const Sequence& sequence, const CameraConfig& camera, const StreamOptions& options)
     : frames_(sequence.frames),
       camera_(checked(camera)),
       options_(options),
-      queue_(options.queue),
-      thread_([this](const std::stop_token& stop) { decode(stop); }) {}
+      decoded_(options.prepare ? kDecodedAhead : options.queue),
+      ready_(options.queue),
+      decoding_([this](const std::stop_token& stop) { decode(stop); }) {
+  if (options_.prepare) preparing_ = std::jthread([this](const std::stop_token& stop) { prepare(stop); });
+}
 
 void FrameStream::decode(const std::stop_token& stop) {
   step_back(StepBack::some);
@@ -51,23 +74,23 @@ void FrameStream::decode(const std::stop_token& stop) {
     FrameResult result;
     result.index = i;
     result.record = frames_[i];
-    try {
-      result.frame = decode_frame(frames_[i], i, camera_);
-      if (options_.prepare) options_.prepare(*result.frame);
-    } catch (const std::bad_alloc&) {
-      result.error = frames_[i].rgb.string() + ": there is not enough memory to decode it";
-      result.frame.reset();
-    } catch (const std::exception& error) {  // a broken frame is the reader's to judge, not the thread's
-      result.error = error.what();
-      result.frame.reset();
-    }
-    if (!queue_.push(std::move(result), stop)) return;
+    attempt(result, [&] { result.frame = decode_frame(frames_[i], i, camera_); });
+    if (!decoded_.push(std::move(result), stop)) return;
   }
-  queue_.close();
+  decoded_.close();
+}
+
+void FrameStream::prepare(const std::stop_token& stop) {
+  step_back(StepBack::some);
+  while (auto result = decoded_.pop(stop)) {
+    if (result->frame) attempt(*result, [&] { options_.prepare(*result->frame); });
+    if (!ready_.push(std::move(*result), stop)) return;
+  }
+  ready_.close();
 }
 
 std::optional<FrameResult> FrameStream::next() {
-  return queue_.pop();
+  return (options_.prepare ? ready_ : decoded_).pop();
 }
 
 }  // namespace dynslam::runtime

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <limits>
+#include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <span>
 #include <utility>
@@ -16,6 +16,7 @@
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "io/jpeg_check.hpp"
+#include "io/png_decoder.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -40,20 +41,14 @@ bool ends_with(Bytes bytes, const Marker& marker) {
   return std::search(tail.begin(), tail.end(), marker.begin(), marker.end()) != tail.end();
 }
 
-/// Of the header IHDR, which is the first chunk of every PNG; 0 x 0 where it is none.
-cv::Size png_size(Bytes bytes) {
-  constexpr std::size_t kWidth = 16, kHeight = 20;
-  if (bytes.size() < kHeight + 4) return {};
-  const auto number = [&](std::size_t at) {
-    std::uint32_t value = 0;
-    for (std::size_t k = 0; k < 4; ++k) value = value << 8 | bytes[at + k];
-    return static_cast<int>(std::min<std::uint32_t>(value, std::numeric_limits<int>::max()));
-  };
-  return {number(kWidth), number(kHeight)};
-}
-
 Bytes bytes_of(const std::string& content) {
   return {reinterpret_cast<const std::uint8_t*>(content.data()), content.size()};
+}
+
+/// Whether OpenCV would hand out what the file holds, without converting it.
+bool wanted_as_stored(const PngFile& png, int flags) {
+  if (flags == cv::IMREAD_UNCHANGED) return true;
+  return png.bits == 8 && flags == (png.channels == 3 ? cv::IMREAD_COLOR : cv::IMREAD_GRAYSCALE);
 }
 
 }  // namespace
@@ -70,7 +65,9 @@ EncodedImage::EncodedImage(std::filesystem::path name, std::string content)
   if ((png && !ends_with(bytes, kPngEnd)) || (jpeg && !ends_with(bytes, kJpegEnd))) refuse("is truncated");
   std::string fault;
   if (png) {
-    size_ = png_size(bytes);
+    png_ = std::make_shared<const PngFile>(open_png(bytes, kLongestSide));
+    size_ = png_->size;
+    fault = png_->fault;
   } else {
     const JpegCheck check = check_jpeg(bytes, kLongestSide);
     size_ = check.size;
@@ -85,6 +82,12 @@ EncodedImage::EncodedImage(std::filesystem::path name, std::string content)
 cv::Mat EncodedImage::decode(int flags) const {
   const Bytes bytes = bytes_of(content_);
   cv::Mat image;
+  if (png_ && png_->plain && wanted_as_stored(*png_, flags)) {
+    std::string fault;
+    image = decode_plain_png(bytes, *png_, fault);
+    if (!fault.empty()) throw InputError(path_.string(), 0, "is damaged: " + fault);
+    if (!image.empty()) return image;
+  }
   try {
     // Depth and masks know nothing of an EXIF orientation, by which OpenCV would turn the colours alone.
     const cv::Mat data(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<std::uint8_t*>(bytes.data()));

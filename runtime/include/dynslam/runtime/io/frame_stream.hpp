@@ -40,8 +40,10 @@ struct RgbdFrame {
 
 /// Options of FrameStream.
 struct StreamOptions {
-  std::size_t queue = 4;                      ///< frames decoded ahead
-  std::function<void(RgbdFrame&)> prepare{};  ///< called with each frame on the decoding thread
+  std::size_t queue = 4;  ///< frames ready ahead
+  /// Called with each frame, in their order, on a thread of its own: while it works on one the next is
+  /// decoded.
+  std::function<void(RgbdFrame&)> prepare{};
 };
 
 /// A frame, or why there is none.
@@ -52,7 +54,7 @@ struct FrameResult {
   std::string error;  ///< one line where `frame` is empty
 };
 
-/// Frames of a sequence in order, decoded ahead on a thread of its own.
+/// Frames of a sequence in order, decoded ahead on a thread of its own and, where asked, prepared on another.
 class FrameStream {
  public:
   FrameStream(const Sequence& sequence, const CameraConfig& camera, const StreamOptions& options = {});
@@ -61,12 +63,14 @@ class FrameStream {
 
  private:
   void decode(const std::stop_token& stop);
+  void prepare(const std::stop_token& stop);
 
   std::vector<FrameRecord> frames_;
   CameraConfig camera_;
   StreamOptions options_;
-  BoundedQueue<FrameResult> queue_;
-  std::jthread thread_;  // last: it uses all of the above
+  BoundedQueue<FrameResult> decoded_, ready_;
+  // Last: they use all of the above.
+  std::jthread decoding_, preparing_;
 };
 
 }  // namespace dynslam::runtime

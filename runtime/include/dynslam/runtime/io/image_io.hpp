@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <string>
 
@@ -11,8 +12,10 @@ namespace dynslam::runtime {
 /// memory.
 inline constexpr int kLongestSide = 8192;
 
+struct PngFile;  // io/png_decoder.hpp
+
 /// A PNG or JPEG file, read and complete: OpenCV returns half a picture for a truncated or damaged file
-/// without a word, so the end marker of the format is checked first, and a JPEG's whole data.
+/// without a word, so the end marker of the format is checked first, a PNG's check sums, and a JPEG's whole data.
 class EncodedImage {
  public:
   /// @throws InputError naming the file
@@ -27,6 +30,7 @@ class EncodedImage {
   std::filesystem::path path_;
   std::string content_;
   cv::Size size_;
+  std::shared_ptr<const PngFile> png_;  // empty: a JPEG
 };
 
 /// Decodes a PNG or JPEG file, complete or not at all.

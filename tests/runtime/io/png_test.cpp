@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <doctest/doctest.h>
+
+#include <array>
+#include <cstdint>
+#include <cstdlib>
+#include <opencv2/imgcodecs.hpp>
+#include <random>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/image_io.hpp"
+
+// PNG files are made here byte by byte, with every filter, and compared with what OpenCV (libpng) reads.
+
+namespace {
+
+using namespace dynslam::runtime;
+
+void append_number(std::string& out, std::uint32_t value) {
+  for (const unsigned shift : {24U, 16U, 8U, 0U}) out += static_cast<char>(value >> shift & 0xFF);
+}
+
+std::uint32_t crc(std::string_view bytes) {
+  std::uint32_t remainder = 0xFFFFFFFF;
+  for (const char c : bytes) {
+    remainder ^= static_cast<std::uint8_t>(c);
+    for (int k = 0; k < 8; ++k) remainder = remainder >> 1 ^ (remainder & 1 ? 0xEDB88320 : 0);
+  }
+  return ~remainder;
+}
+
+std::string chunk(const std::string& name, const std::string& content) {
+  std::string out;
+  append_number(out, static_cast<std::uint32_t>(content.size()));
+  out += name + content;
+  append_number(out, crc(name + content));
+  return out;
+}
+
+/// Not compressed at all, in blocks of 1,000 bytes.
+std::string zlib_stored(const std::string& raw) {
+  std::string out("\x78\x01", 2);
+  std::uint32_t a = 1, b = 0;
+  for (const char c : raw) {
+    a = (a + static_cast<std::uint8_t>(c)) % 65521;
+    b = (b + a) % 65521;
+  }
+  for (std::size_t at = 0; at < raw.size(); at += 1000) {
+    const std::string part = raw.substr(at, 1000);
+    const auto length = static_cast<unsigned>(part.size());
+    out += at + 1000 >= raw.size() ? '\1' : '\0';
+    for (const unsigned n : {length, ~length}) {
+      out += static_cast<char>(n & 0xFF);
+      out += static_cast<char>(n >> 8 & 0xFF);
+    }
+    out += part;
+  }
+  append_number(out, b << 16 | a);
+  return out;
+}
+
+struct Kind {
+  const char* name;
+  int bits, type;  // of IHDR
+  std::size_t pixel;
+  int read;
+};
+constexpr std::array<Kind, 4> kKinds{{{"grey, 8 bits", 8, 0, 1, cv::IMREAD_UNCHANGED},
+                                      {"grey, 16 bits", 16, 0, 2, cv::IMREAD_UNCHANGED},
+                                      {"colour", 8, 2, 3, cv::IMREAD_COLOR},
+                                      {"colour and opacity", 8, 6, 4, cv::IMREAD_UNCHANGED}}};
+
+struct Made {
+  std::string header, rows, extra;
+  std::size_t part = 777;  // bytes in each chunk of data
+  [[nodiscard]] std::string file() const {
+    std::string out("\x89PNG\r\n\x1A\n", 8);
+    out += chunk("IHDR", header) + extra;
+    const std::string packed = zlib_stored(rows);
+    for (std::size_t at = 0; at < packed.size(); at += part) out += chunk("IDAT", packed.substr(at, part));
+    return out + chunk("IEND", "");
+  }
+};
+
+/// Random bytes: as the differences to a prediction they are as good as any. @param filter  of all rows; 5:
+/// any
+Made made(const Kind& kind, unsigned width, unsigned height, int filter) {
+  Made png;
+  append_number(png.header, width);
+  append_number(png.header, height);
+  png.header += static_cast<char>(kind.bits);
+  png.header += static_cast<char>(kind.type);
+  png.header += std::string(3, '\0');
+  std::mt19937 random(width * 31 + height * 7 + static_cast<unsigned>(filter));
+  for (unsigned y = 0; y < height; ++y) {
+    png.rows += static_cast<char>(filter < 5 ? filter : static_cast<int>(random() % 5));
+    for (std::size_t i = 0; i < width * kind.pixel; ++i) png.rows += static_cast<char>(random() & 0xFF);
+  }
+  return png;
+}
+
+cv::Mat by_opencv(const std::string& file, int flags) {
+  return cv::imdecode(std::vector<char>(file.begin(), file.end()), flags);
+}
+
+bool same(const cv::Mat& a, const cv::Mat& b) {
+  return !a.empty() && a.size() == b.size() && a.type() == b.type() && cv::norm(a, b, cv::NORM_INF) == 0;
+}
+
+std::string refusal(const std::string& file, int flags = cv::IMREAD_UNCHANGED) {
+  try {
+    (void)EncodedImage("a.png", file).decode(flags);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return {};
+}
+
+}  // namespace
+
+TEST_CASE("a PNG is read as by OpenCV: every kind, filter and size") {
+  for (const Kind& kind : kKinds) {
+    CAPTURE(kind.name);
+    for (int filter = 0; filter <= 5; ++filter) {
+      CAPTURE(filter);
+      for (const auto& [width, height] : {std::array{1U, 1U}, {1U, 9U}, {13U, 2U}, {64U, 48U}, {131U, 57U}}) {
+        const std::string file = made(kind, width, height, filter).file();
+        for (const int flags : {kind.read, +cv::IMREAD_GRAYSCALE, +cv::IMREAD_UNCHANGED})
+          CHECK(same(EncodedImage("a.png", file).decode(flags), by_opencv(file, flags)));
+      }
+    }
+  }
+}
+
+TEST_CASE("what changes the meaning of a PNG's rows is left to libpng, and surplus rows are no fault") {
+  Made png = made(kKinds[0], 20, 10, 4);
+  png.extra = chunk("tRNS", std::string("\0\7", 2));
+  CHECK(same(EncodedImage("a.png", png.file()).decode(cv::IMREAD_UNCHANGED),
+             by_opencv(png.file(), cv::IMREAD_UNCHANGED)));
+  png.extra = chunk("tEXt", std::string("Comment\0a camera", 16));
+  CHECK(same(EncodedImage("a.png", png.file()).decode(cv::IMREAD_UNCHANGED),
+             by_opencv(png.file(), cv::IMREAD_UNCHANGED)));
+  png.rows += std::string(21, '\0');
+  CHECK(same(EncodedImage("a.png", png.file()).decode(cv::IMREAD_UNCHANGED),
+             by_opencv(png.file(), cv::IMREAD_UNCHANGED)));
+}
+
+TEST_CASE("a PNG of which a byte differs is refused with the reason, never half a picture") {
+  const std::string good = made(kKinds[1], 12, 8, 5).file();
+  const cv::Mat expected = by_opencv(good, cv::IMREAD_UNCHANGED);
+  for (std::size_t at = 0; at < good.size(); ++at) {
+    std::string bad = good;
+    bad[at] = static_cast<char>(bad[at] ^ 0x10);
+    CAPTURE(at);
+    CHECK_FALSE(refusal(bad).empty());
+  }
+  Made png = made(kKinds[1], 12, 8, 5);
+  png.rows.resize(png.rows.size() - 25);
+  CHECK(refusal(png.file()) == "a.png: is damaged: it holds fewer rows than it says");
+  png = made(kKinds[1], 12, 8, 5);
+  png.rows[0] = 9;
+  CHECK(refusal(png.file()) == "a.png: is damaged: a row has an unknown filter");
+  CHECK(refusal(good.substr(0, 33) + chunk("IDAT", "no rows") + chunk("IEND", "")) ==
+        "a.png: is damaged: its rows cannot be decompressed");
+  CHECK(refusal(good.substr(0, 33) + chunk("IEND", "")) == "a.png: is damaged: it has no pixels");
+  CHECK(refusal(good.substr(0, 8) + chunk("IEND", "")) == "a.png: is damaged: it has no header");
+  std::string longer = good;
+  longer[33] = '\x7F';  // the length of the first part of the data
+  CHECK(refusal(longer) == "a.png: is damaged: its last chunk is cut off");
+}
