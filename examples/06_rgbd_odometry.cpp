@@ -3,9 +3,11 @@
 // Example 6: MotionSegmenter inside a system that is not ours, OpenCV's RGB-D odometry from frame to frame.
 //
 //   example_06_rgbd_odometry SEQUENCE [LIMIT]
+//   example_06_rgbd_odometry SEQUENCE --masks FOLDER...
 //
 // runs a TUM RGB-D folder twice, as OpenCV does it and with what moves masked out, and prints both absolute
-// trajectory errors. The odometry's pose is no start for the segmenter, since what moves spoils it: the
+// trajectory errors; or with the masks of folders (STAMP.png, 0 where nothing moves, as of `run
+// --save-masks`). The odometry's pose is no start for the segmenter, since what moves spoils it: the
 // segmenter finds its own from its reference keypoints (locate), and gives the odometry a first guess, too.
 // Fails where the error with it is above LIMIT [m]; "third" stands for a third of the error without.
 #include <cmath>
@@ -16,6 +18,7 @@
 #include <map>
 #include <optional>
 #include <sstream>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -35,6 +38,7 @@ using Trajectory = std::vector<dynslam::StampedPose<double>>;
 
 struct Frame {
   double t = 0;
+  std::string stamp;
   cv::Mat gray, depth;  // 8 bit; metres, NaN where there is none
 };
 
@@ -76,6 +80,7 @@ std::vector<Frame> read_frames(const std::string& folder, double units) {
   for (const auto& [i, k] : dynslam::associate(t_colour, t_depth, 0.02)) {
     Frame f;
     f.t = t_colour[i];
+    f.stamp = colours[i][0];
     f.gray = cv::imread(folder + "/" + colours[i][1], cv::IMREAD_GRAYSCALE);
     cv::imread(folder + "/" + depths[k][1], cv::IMREAD_UNCHANGED).convertTo(f.depth, CV_32F, 1.0 / units);
     f.depth.setTo(std::numeric_limits<double>::quiet_NaN(), f.depth <= 0);
@@ -114,10 +119,13 @@ std::optional<SE3d> motion(cv::rgbd::Odometry& odometry, const Frame& last, cons
   return SE3d(dynslam::SO3d(Eigen::Quaterniond(R)), t);
 }
 
+enum class Masks { none, segmenter, folder };
+
 class MaskedOdometry {
  public:
-  MaskedOdometry(const std::map<std::string, double>& camera, bool segment)
-      : segment_(segment),
+  MaskedOdometry(const std::map<std::string, double>& camera, Masks masks, std::string folder)
+      : masks_(masks),
+        folder_(std::move(folder)),
         segmenter_(
             dynslam::Pinhole<double>(camera.at("fx"), camera.at("fy"), camera.at("cx"), camera.at("cy"))) {
     const cv::Mat K = (cv::Mat_<double>(3, 3) << camera.at("fx"), 0, camera.at("cx"), 0, camera.at("fy"),
@@ -128,7 +136,12 @@ class MaskedOdometry {
   SE3d track(const Frame& frame) {
     cv::Mat still;  // what the odometry may use
     SE3d guess;
-    if (segment_) {
+    if (masks_ == Masks::folder) {
+      const cv::Mat mask = cv::imread(folder_ + "/" + frame.stamp + ".png", cv::IMREAD_GRAYSCALE);
+      if (mask.empty()) throw std::runtime_error(folder_ + "/" + frame.stamp + ".png: no mask");
+      still = off_the_rim(mask == 0);
+    }
+    if (masks_ == Masks::segmenter) {
       const SE3d T_located = segment(frame, still);
       guess = T_located * T_located_.inverse();
       T_located_ = T_located;
@@ -154,11 +167,18 @@ class MaskedOdometry {
     for (int v = 0; v < h; ++v) {
       for (int u = 0; u < w; ++u) still.at<unsigned char>(v, u) = moving.mask(u, v) != 0 ? 0 : 255;
     }
-    cv::erode(still, still, cv::getStructuringElement(cv::MORPH_RECT, {7, 7}));  // off the movers' rim
+    still = off_the_rim(still);
     return T_c_w;
   }
 
-  bool segment_;
+  static cv::Mat off_the_rim(const cv::Mat& still) {  // of the movers
+    cv::Mat inner;
+    cv::erode(still, inner, cv::getStructuringElement(cv::MORPH_RECT, {7, 7}));
+    return inner;
+  }
+
+  Masks masks_;
+  std::string folder_;
   dynslam::MotionSegmenter<double, dynslam::Pinhole<double>> segmenter_;
   cv::Ptr<cv::rgbd::RgbdOdometry> odometry_;
   Frame last_;
@@ -168,8 +188,8 @@ class MaskedOdometry {
 };
 
 double trajectory_error(const std::vector<Frame>& frames, const std::map<std::string, double>& camera,
-                        const Trajectory& groundtruth, bool segment) {
-  MaskedOdometry odometry(camera, segment);
+                        const Trajectory& groundtruth, Masks masks, const std::string& folder = {}) {
+  MaskedOdometry odometry(camera, masks, folder);
   Trajectory trajectory;
   for (const Frame& frame : frames) trajectory.push_back({frame.t, odometry.track(frame).inverse()});
   const auto ate = dynslam::absolute_trajectory_error<double>(trajectory, groundtruth);
@@ -178,19 +198,30 @@ double trajectory_error(const std::vector<Frame>& frames, const std::map<std::st
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
   if (argc < 2) {
-    std::puts("usage: example_06_rgbd_odometry SEQUENCE [LIMIT]");
+    std::puts("usage: example_06_rgbd_odometry SEQUENCE [LIMIT | --masks FOLDER...]");
     return 2;
   }
   const std::string folder = argv[1];
   const auto camera = read_camera(folder);
   const auto frames = read_frames(folder, camera.at("depth_units_per_metre"));
   const auto groundtruth = read_groundtruth(folder);
-  const double alone = trajectory_error(frames, camera, groundtruth, false);
-  const double with = trajectory_error(frames, camera, groundtruth, true);
+  const double alone = trajectory_error(frames, camera, groundtruth, Masks::none);
+  if (argc > 3 && std::string(argv[2]) == "--masks") {
+    std::printf("%zu frames: absolute trajectory error %.1f cm alone", frames.size(), 100 * alone);
+    for (int i = 3; i < argc; ++i)
+      std::printf(", %.1f cm with %s",
+                  100 * trajectory_error(frames, camera, groundtruth, Masks::folder, argv[i]), argv[i]);
+    std::puts("");
+    return 0;
+  }
+  const double with = trajectory_error(frames, camera, groundtruth, Masks::segmenter);
   std::printf("%zu frames: absolute trajectory error %.1f cm alone, %.1f cm with MotionSegmenter\n",
               frames.size(), 100 * alone, 100 * with);
   if (argc < 3) return std::isfinite(with) ? 0 : 1;
   return with <= (std::string(argv[2]) == "third" ? alone / 3 : std::atof(argv[2])) ? 0 : 1;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "example_06_rgbd_odometry: %s\n", error.what());
+  return 1;
 }
