@@ -11,15 +11,10 @@
 # is compiled with pkg-config's flags.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-packages=${1:-build/release/packages} suite=${SUITE:-bookworm} mirror=${MIRROR:-http://deb.debian.org/debian}
+. scripts/bare-root.sh
+packages=${1:-build/release/packages} suite=${SUITE:-bookworm}
 
-fail() {
-  echo "clean-root: $*" >&2
-  exit 1
-}
-
-[ "$(id -u)" -eq 0 ] || fail "needs root: a root folder is made and entered with chroot"
-command -v debootstrap > /dev/null || fail "needs debootstrap: apt-get install debootstrap"
+needs_of_bare_root
 for name in dynslam libdynslam-dev; do
   [ "$(find "$packages" -maxdepth 1 -name "${name}_*.deb" 2> /dev/null | wc -l)" = 1 ] ||
     fail "$packages has not one package $name; cpack makes them"
@@ -27,36 +22,10 @@ done
 
 work=$(mktemp -d)
 trap 'rm -rf --one-file-system "$work"' EXIT
-base=${ROOT:-$work/base}
-if [ ! -e "$base/.complete" ]; then
-  rm -rf --one-file-system "$base"
-  echo "clean-root: making a bare $suite"
-  debootstrap --variant=minbase "$suite" "$base" "$mirror" > "$work/log" 2>&1 || {
-    tail -n 20 "$work/log" >&2
-    fail "debootstrap could not make $suite (is the network up?)"
-  }
-  touch "$base/.complete"
-fi
-cp -a "$base" "$work/root"
-cp /etc/resolv.conf "$work/root/etc/resolv.conf"
-printf '#!/bin/sh\nexit 101\n' > "$work/root/usr/sbin/policy-rc.d"  # no services
-chmod +x "$work/root/usr/sbin/policy-rc.d"
+make_bare_root
 mkdir "$work/root/packages"
 cp "$packages"/dynslam_*.deb "$work/root/packages/dynslam.deb"
 cp "$packages"/libdynslam-dev_*.deb "$work/root/packages/libdynslam-dev.deb"
-
-# /proc is what tells a program where it lies. It is mounted for the command alone, in a name space of its own: nothing
-# of it is left to be removed by mistake.
-inside() {
-  env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive HOME=/root unshare --mount \
-    sh -c 'mount -t proc proc "$0/proc" && exec chroot "$0" "$@"' "$work/root" "$@"
-}
-apt() {
-  inside apt-get -qq -o Dpkg::Use-Pty=0 "$@" > "$work/log" 2>&1 || {
-    tail -n 20 "$work/log" >&2
-    fail "apt-get $* failed"
-  }
-}
 
 apt update
 echo "clean-root: installing dynslam"

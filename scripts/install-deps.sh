@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# Installs the packages that dynslam needs on Debian or Ubuntu, and ONNX Runtime into this repository where the
-# distribution has none. Does nothing when all is there. ONNXRUNTIME=off leaves ONNX Runtime out.
+# Installs the packages that dynslam needs on Debian or Ubuntu; ONNX Runtime is the distribution's (Debian 13), or put
+# into this repository where that has none. Does nothing when all is there. ONNXRUNTIME=off leaves ONNX Runtime out.
 #
 #   scripts/install-deps.sh          everything: program, tests, benchmarks, second compiler
 #   scripts/install-deps.sh app      only what building and running the program needs
@@ -10,11 +10,13 @@ set -euo pipefail
 
 app=(build-essential cmake ninja-build ccache curl ca-certificates
   libeigen3-dev libopencv-dev liboctomap-dev libcli11-dev nlohmann-json3-dev libfmt-dev libjpeg-dev libdeflate-dev
-  libbz2-dev liblz4-dev)
+  libbz2-dev liblz4-dev file)  # file: cpack asks it which files are programs
 development=(git clang doctest-dev libbenchmark-dev libceres-dev libopencv-contrib-dev
-  pkg-config python3 unzip file doxygen libjs-mathjax parallel)
+  pkg-config python3 unzip doxygen libjs-mathjax parallel)
 # For one test each (the first with 60 packages of ROS and Boost), and not in every release: taken where apt has them.
 optional=(librosbag-storage-dev chromium)
+optional_app=()
+[ "${ONNXRUNTIME:-on}" = off ] || optional_app+=(libonnxruntime-dev)
 # The page of reports is bundled by npm. A node from elsewhere has its own npm, beside which Debian's cannot be installed.
 command -v node > /dev/null && command -v npm > /dev/null || app+=(nodejs npm)
 
@@ -56,16 +58,18 @@ missing() {
 }
 
 with_what_apt_has() {
+  local package wanted=("${optional_app[@]}")
   if [ "${1:-all}" = all ]; then
-    local runtime package
+    local runtime
     runtime=$(sanitizer_runtime)
     [ -z "$runtime" ] || packages+=("$runtime")
-    for package in "${optional[@]}"; do
-      if installed "$package" || apt-cache show "$package" > /dev/null 2>&1; then
-        packages+=("$package")
-      fi
-    done
+    wanted+=("${optional[@]}")
   fi
+  for package in "${wanted[@]}"; do
+    if installed "$package" || apt-cache show "$package" > /dev/null 2>&1; then
+      packages+=("$package")
+    fi
+  done
 }
 
 # Segmentation works without it, on OpenCV's dnn: slower, and with fewer models.

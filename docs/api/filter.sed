@@ -6,3 +6,5 @@
   s/\bEq \(?(1[0-3]|[1-9])\b\)?/\\ref eq_\1 "&"/g
   s/\bEqs\b/\\ref equations "Eqs"/g
 }
+# Attributes of compilers are no part of a signature.
+s/\bDYNSLAM_NO_DANGLING //

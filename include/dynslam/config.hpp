@@ -47,3 +47,14 @@ namespace dynslam {
 /// sizeof: the condition is compiled, so that it cannot rot, and never evaluated.
 #define DYNSLAM_ASSERT(condition, message) static_cast<void>(sizeof(static_cast<bool>(condition)))
 #endif
+
+/// Before a function whose result refers to an object or a workspace that the caller keeps: g++ 14 would take
+/// it for a reference to one of the temporaries among the arguments (-Wdangling-reference).
+#ifdef __has_cpp_attribute
+#if __has_cpp_attribute(gnu::no_dangling)
+#define DYNSLAM_NO_DANGLING [[gnu::no_dangling]]
+#endif
+#endif
+#ifndef DYNSLAM_NO_DANGLING
+#define DYNSLAM_NO_DANGLING
+#endif

@@ -15,6 +15,7 @@ void write(const runtime::ReportOptions& options) {
   const runtime::ReportResult result = runtime::write_report(options);
   std::cout << fmt::format("report: {}, {:.1f} MB\n", result.file.string(),
                            static_cast<double>(result.bytes) / 1e6);
+  for (const std::string& line : result.missing) std::cerr << "dynslam: warning: " << line << '\n';
 }
 
 }  // namespace

@@ -16,6 +16,7 @@
 
 #include "dynslam/concepts/camera.hpp"
 #include "dynslam/concepts/image.hpp"
+#include "dynslam/config.hpp"
 #include "dynslam/dynamics/classify.hpp"
 #include "dynslam/dynamics/residuals.hpp"
 #include "dynslam/dynamics/static_weight.hpp"
@@ -213,11 +214,10 @@ template <std::floating_point S>
 /// @param T_cur_ref  pose of the reference camera in the present one's frame, as known before the check
 /// @return reference to workspace.result; status too_few_matches without enough matches outside the mask
 template <DifferentiableCamera C, ImageLike A, ImageLike B, DepthImage D, class S = typename C::ScalarType>
-const StaticWeightsResult<S>& static_weights(const C& camera,
-                                             std::type_identity_t<std::span<const KeypointMatch<S>>> matches,
-                                             const A& reference_gray, const B& gray, const D& depth,
-                                             const SE3<S>& T_cur_ref, const StaticWeightsOptions<S>& options,
-                                             StaticWeightsWorkspace<S>& workspace) {
+DYNSLAM_NO_DANGLING const StaticWeightsResult<S>& static_weights(
+    const C& camera, std::type_identity_t<std::span<const KeypointMatch<S>>> matches, const A& reference_gray,
+    const B& gray, const D& depth, const SE3<S>& T_cur_ref, const StaticWeightsOptions<S>& options,
+    StaticWeightsWorkspace<S>& workspace) {
   auto& result = workspace.result;
   const std::size_t n = matches.size();
   result.status = StaticWeightsStatus::too_few_matches;

@@ -260,7 +260,7 @@ class LoopCloser {
     points_.erase(std::unique(points_.begin(), points_.end()), points_.end());
     map.covisible(keyframe, options_.min_shared, neighbours_, options_.merge_new);
     for (const auto& [shared, k] : neighbours_) {
-      if (std::none_of(around_.begin(), around_.end(), [k = k](const auto& n) { return n.second == k; }))
+      if (std::none_of(around_.begin(), around_.end(), [one = k](const auto& n) { return n.second == one; }))
         merged += merge_into(map, k);
     }
     return merged;

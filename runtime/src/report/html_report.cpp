@@ -112,6 +112,22 @@ json payload_of(const reporting::Source& source, std::vector<std::string>& thinn
   return j;
 }
 
+std::vector<std::string> missing_of(const reporting::Source& source) {
+  std::vector<std::string> missing;
+  for (const RunFolder& run : source.runs) {
+    if (run.evidence) continue;
+    std::string lacks = "the edges of its graph";
+    if (run.options.dynamics != DynamicsMode::none) {
+      lacks += " and the keypoints of its frames";
+      if (!fs::exists(run.folder / "masks")) lacks = "masks, " + lacks;
+    }
+    missing.push_back(
+        fmt::format("{} was run without --report, the page lacks {}: run it again with --report",
+                    run.folder.string(), lacks));
+  }
+  return missing;
+}
+
 }  // namespace
 
 fs::path report_page() {
@@ -140,6 +156,7 @@ ReportResult write_report(const ReportOptions& options) {
 
   ReportResult result;
   result.file = options.out.empty() ? options.runs.front() / "report.html" : options.out;
+  result.missing = missing_of(source);
   for (const reporting::PictureLevel& level : reporting::picture_levels(source.sequence.frames.size())) {
     if (fixed + pictures.estimate(level) > options.max_bytes) continue;
     result.thinned = thinned;

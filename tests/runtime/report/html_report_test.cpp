@@ -102,6 +102,7 @@ void replace_in(const fs::path& file, const std::string& what, const std::string
 TEST_CASE("a report has the errors, frames, masks, keypoints, graph and map of its runs") {
   const ReportedRuns& r = reported();
   const ReportResult result = write_report(r.options({"none", "both"}));
+  CHECK(result.missing.empty());
   CHECK(result.bytes == fs::file_size(result.file));
   const json j = payload_of(result.file);
   REQUIRE(j["runs"].size() == 2);
@@ -167,7 +168,12 @@ TEST_CASE("a run without --report writes the same, and its report shows what the
     CHECK(bytes(r.folder.path / "plain" / file) == bytes(r.folder.path / "both" / file));
   }
   CHECK_FALSE(fs::exists(r.folder.path / "plain" / "report.jsonl"));
-  const json j = payload_of(write_report(r.options({"plain"})).file);
+  const ReportResult written = write_report(r.options({"plain"}));
+  REQUIRE(written.missing.size() == 1);
+  CHECK(written.missing[0] == (r.folder.path / "plain").string() +
+                                  " was run without --report, the page lacks the edges of its graph and the "
+                                  "keypoints of its frames: run it again with --report");
+  const json j = payload_of(written.file);
   CHECK(j["runs"][0]["shown"]["from"] == "masks");
   CHECK_FALSE(j["runs"][0]["shown"]["masks"][25].is_null());
   CHECK(j["runs"][0]["graph"]["complete"] == false);

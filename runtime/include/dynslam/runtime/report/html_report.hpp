@@ -25,6 +25,7 @@ struct ReportResult {
   std::filesystem::path file;
   std::size_t bytes = 0;
   std::vector<std::string> thinned;  ///< what the page says about that, one line each
+  std::vector<std::string> missing;  ///< what it lacks of runs without `--report`, a line for each of these
 };
 
 /// The page that is installed beside the program, or lies beside it in the build tree: HTML with all that it
