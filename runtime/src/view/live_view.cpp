@@ -216,7 +216,7 @@ LiveView::~LiveView() {
 void LiveView::open(const Sequence& sequence, const CameraConfig& camera) {
   State& s = *state_;
   s.truth = sequence.groundtruth;
-  ViewOptions options;
+  PainterOptions options;
   options.image = {camera.width, camera.height};
   options.dynamics = s.dynamics;
   options.map = s.map;

@@ -34,15 +34,15 @@ void tint(cv::Mat& picture, const cv::Mat& mask, const cv::Scalar& colour) {
 /// What moves is drawn last, over what stands still.
 void draw_keypoints(cv::Mat& picture, const std::vector<ViewKeypoint>& keypoints, double scale) {
   constexpr int kBits = 4;
-  const int radius = std::max(2, picture.cols / 300);
+  const int radius = cvRound((1 << kBits) * std::max(2.2, picture.cols / 230.0));
   for (const bool moving : {false, true}) {
     for (const ViewKeypoint& k : keypoints) {
       if ((k.weight < 0.5) != moving) continue;
       // Pixels are squares around whole numbers, in the image as on the canvas.
       const cv::Point at(cvRound(((double(k.pixel.x) + 0.5) * scale - 0.5) * (1 << kBits)),
                          cvRound(((double(k.pixel.y) + 0.5) * scale - 0.5) * (1 << kBits)));
-      cv::circle(picture, at, (radius + 1) << kBits, kPage, cv::FILLED, cv::LINE_AA, kBits);
-      cv::circle(picture, at, radius << kBits, weight_colour(k.weight), cv::FILLED, cv::LINE_AA, kBits);
+      cv::circle(picture, at, radius + (1 << kBits), kPage, cv::FILLED, cv::LINE_AA, kBits);
+      cv::circle(picture, at, radius, weight_colour(k.weight), cv::FILLED, cv::LINE_AA, kBits);
     }
   }
 }
@@ -78,7 +78,7 @@ std::string state_text(const ViewScene& scene) {
   return text;
 }
 
-ViewLayout view_layout(const ViewOptions& options) {
+ViewLayout view_layout(const PainterOptions& options) {
   constexpr int kSmallest = 480, kEnlarged = 640, kWidest = 960, kHighest = 600;  // pictures [px]
   constexpr int kLeastWidth = 440, kLeastHeight = 340;                            // of the place for it
   const cv::Size image = options.image;
@@ -91,7 +91,7 @@ ViewLayout view_layout(const ViewOptions& options) {
   const cv::Size place(std::max(shown.width, kLeastWidth), std::max(shown.height, kLeastHeight));
   layout.picture = {kGap + (place.width - shown.width) / 2, kHeader + (place.height - shown.height) / 2,
                     shown.width, shown.height};
-  const int side = std::clamp(cvRound(0.72 * place.height), 320, 380), left = 2 * kGap + place.width;
+  const int side = std::clamp(cvRound(0.72 * place.height), 320, 370), left = 2 * kGap + place.width;
   layout.canvas = {left + side + kGap, kHeader + place.height + kFooter};
   layout.header = {0, 0, layout.canvas.width, kHeader};
   layout.footer = {0, kHeader + place.height, layout.canvas.width, kFooter};
@@ -105,14 +105,14 @@ ViewLayout view_layout(const ViewOptions& options) {
 }
 
 struct ViewPainter::State {
-  explicit State(const ViewOptions& o) : options(o), layout(view_layout(o)), plans(o, layout) {
+  explicit State(const PainterOptions& o) : options(o), layout(view_layout(o)), plans(o, layout) {
     canvas.create(layout.canvas, CV_8UC3);
   }
   void draw_header(const ViewScene& scene);
   void draw_picture(const ViewScene& scene);
   void draw_footer();
 
-  ViewOptions options;
+  PainterOptions options;
   ViewLayout layout;
   ViewPlans plans;
   cv::Mat canvas;
@@ -170,7 +170,7 @@ void ViewPainter::State::draw_footer() {
   if (options.dynamics == DynamicsMode::none) write(canvas, "no masks", box, at, kSmall, kSoft);
 }
 
-ViewPainter::ViewPainter(const ViewOptions& options) : state_(std::make_unique<State>(options)) {}
+ViewPainter::ViewPainter(const PainterOptions& options) : state_(std::make_unique<State>(options)) {}
 
 ViewPainter::~ViewPainter() = default;
 

@@ -77,7 +77,7 @@ void ViewPlans::draw_trajectory(cv::Mat& canvas, const ViewScene& scene) {
   near_.show(box, area.size());
   if (!box.empty()) {
     near_.draw_grid(plan);
-    near_.draw_path(plan, axes_, scene.truth, kTruth, 1);
+    near_.draw_path(plan, axes_, scene.truth, kTruth, 5);  // to be seen where the camera is right
     near_.draw_path(plan, axes_, scene.trajectory, kRun, 2);
   }
   if (!scene.trajectory.empty()) {

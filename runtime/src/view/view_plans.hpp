@@ -12,7 +12,7 @@ namespace dynslam::runtime::viewing {
 /// What a view shows from above.
 class ViewPlans {
  public:
-  explicit ViewPlans(const ViewOptions& options, const ViewLayout& layout)
+  explicit ViewPlans(const PainterOptions& options, const ViewLayout& layout)
       : options_(options), layout_(layout) {}
   void draw(cv::Mat& canvas, const ViewScene& scene);
 
@@ -22,7 +22,7 @@ class ViewPlans {
   void paint_voxels(const ViewScene& scene);
   [[nodiscard]] PlanBox box_of_voxels(const ViewScene& scene) const;
 
-  ViewOptions options_;
+  PainterOptions options_;
   ViewLayout layout_;
   PlanAxes axes_;
   GroundPlan near_{0.3}, far_{1.5};

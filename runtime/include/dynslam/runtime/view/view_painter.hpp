@@ -10,7 +10,7 @@
 namespace dynslam::runtime {
 
 /// What a view has, and what its legend names.
-struct ViewOptions {
+struct PainterOptions {
   cv::Size image{640, 480};  ///< of the camera [px]
   DynamicsMode dynamics = DynamicsMode::both;
   bool map = true;    ///< there is a map to be shown
@@ -27,7 +27,7 @@ struct ViewLayout {
   cv::Rect footer;           ///< what the colours mean
 };
 /// A layout that fits a screen of 1366 x 768 for images of any size.
-[[nodiscard]] ViewLayout view_layout(const ViewOptions& options);
+[[nodiscard]] ViewLayout view_layout(const PainterOptions& options);
 
 /// The colour of a static weight, as a report has it: red (moves) over yellow to blue (static), BGR.
 [[nodiscard]] cv::Scalar weight_colour(double weight);
@@ -41,7 +41,7 @@ struct ViewLayout {
 class ViewPainter {
  public:
   /// @throws UsageError for an image without pixels
-  explicit ViewPainter(const ViewOptions& options);
+  explicit ViewPainter(const PainterOptions& options);
   ~ViewPainter();
   ViewPainter(const ViewPainter&) = delete;
   ViewPainter& operator=(const ViewPainter&) = delete;
