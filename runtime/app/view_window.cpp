@@ -30,7 +30,7 @@ using runtime::UsageError;
 /// What the two processes say to each other: pictures one way, as width, height and pixels; letters the
 /// other.
 using PictureHead = std::array<std::int32_t, 2>;
-constexpr char kReady = 'r', kPause = 'p', kClose = 'c';
+[[maybe_unused]] constexpr char kReady = 'r', kPause = 'p', kClose = 'c';
 constexpr int kPatience = 3000;  // milliseconds that the other side may do nothing
 
 bool has_variable(const char* name) {
