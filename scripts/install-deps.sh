@@ -14,7 +14,7 @@ app=(build-essential cmake ninja-build ccache curl ca-certificates
 development=(git clang doctest-dev libbenchmark-dev libceres-dev libopencv-contrib-dev
   pkg-config python3 unzip doxygen libjs-mathjax parallel)
 # For one test each (the first with 60 packages of ROS and Boost), and not in every release: taken where apt has them.
-optional=(librosbag-storage-dev chromium)
+optional=(librosbag-storage-dev chromium xvfb)
 optional_app=()
 [ "${ONNXRUNTIME:-on}" = off ] || optional_app+=(libonnxruntime-dev)
 # The page of reports is bundled by npm. A node from elsewhere has its own npm, beside which Debian's cannot be installed.

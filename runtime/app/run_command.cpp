@@ -21,11 +21,13 @@
 #include "dynslam/runtime/io/sequence.hpp"
 #include "dynslam/runtime/report/html_report.hpp"
 #include "dynslam/runtime/run/run_sequence.hpp"
+#include "dynslam/runtime/view/live_view.hpp"
 #include "exit_codes.hpp"
 #include "format_options.hpp"
 #include "progress_line.hpp"
 #include "report_command.hpp"
 #include "validators.hpp"
+#include "view_window.hpp"
 
 namespace dynslam::app {
 namespace {
@@ -158,12 +160,12 @@ void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_
   add_slam_options(app, o);
 }
 
-/// results/NAME of a sequence's folder, or of NAME.bag.
-std::filesystem::path default_folder(const std::filesystem::path& sequence) {
+/// NAME of a sequence's folder, or of NAME.bag.
+std::string sequence_name(const std::filesystem::path& sequence) {
   std::filesystem::path full = std::filesystem::weakly_canonical(std::filesystem::absolute(sequence));
   if (!full.has_filename()) full = full.parent_path();
   const bool folder = !std::filesystem::is_regular_file(full);
-  return std::filesystem::path("results") / (folder ? full.filename() : full.stem());
+  return (folder ? full.filename() : full.stem()).string();
 }
 
 /// One line on stderr for all frames without a pose; summary.json lists every one.
@@ -222,20 +224,41 @@ std::string live_report(const rt::RunSummary& summary) {
       s.dropped, s.pushed, 1000 * s.latency_median, 1000 * s.latency_p95, 1000 * s.latency_max);
 }
 
-int run_sequence(const rt::RunOptions& options) {
+/// A window on a run.
+struct View {
+  View(const rt::RunOptions& options, const std::string& name)
+      : window("dynslam: " + name), live(window, options, stop_requested) {}
+  ViewWindow window;
+  rt::LiveView live;
+};
+
+void end(View& view) {
+  try {
+    view.live.finish();
+  } catch (const std::exception& error) {
+    std::cerr << "dynslam: warning: --view ended before the run did: " << error.what() << '\n';
+  }
+}
+
+int run_sequence(const rt::RunOptions& options, bool with_view) {
   if (options.report) (void)rt::report_page();  // before hours are spent on the run
   stop_on_signals();
+  std::optional<View> view;
+  if (with_view) view.emplace(options, sequence_name(options.sequence));
   rt::Sequence sequence;
   const auto opened = [&](const rt::Sequence& found, const rt::CameraConfig& camera) {
     sequence = found;
     for (const std::string& doubt : rt::camera_doubts(found, camera))
       std::cerr << "dynslam: warning: " << doubt << '\n';
+    if (view) view->live.open(found, camera);
   };
   const rt::RunSummary summary = [&] {
     ProgressLine line;
     const auto show = [&](const rt::Progress& p) { line.show(describe(p)); };
-    return rt::run_sequence(options, stop_requested, show, opened);
+    return rt::run_sequence(options, stop_requested, show, opened, view ? view->live.watch() : rt::RunWatch());
   }();
+  if (view) end(*view);
+  view.reset();
   report_problems(summary, options.out);
   std::cout << fmt::format("{} of {} frames tracked ({} lost, {} broken), {:.1f} frames/s; results in {}\n",
                            summary.tracked, summary.frames, summary.lost, summary.broken, summary.fps,
@@ -280,6 +303,7 @@ struct RunCommand::Options {
   CLI::App* command = nullptr;
   rt::RunOptions run;
   std::optional<rt::DynamicsMode> dynamics;  // empty: by what there is
+  bool view = false;
 };
 
 RunCommand::RunCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
@@ -292,6 +316,7 @@ RunCommand::RunCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
           "Masks to use: none, semantic, geometric, both (default: both with --model or --masks, else "
           "geometric)")
       ->check(CLI::IsMember({"none", "semantic", "geometric", "both"}));
+  o.command->add_flag("--view", o.view, "Show the run in a window while it goes on");
   o.command->add_flag("--save-masks", o.run.save_masks, "Write the dynamic masks (255 = dynamic)");
   o.command->add_flag_callback(
       "--live", [&o] { o.run.schedule = rt::Schedule::live; },
@@ -320,7 +345,7 @@ void RunCommand::finish_options() const {
 
 int RunCommand::run() const {
   rt::RunOptions options = o_->run;
-  if (options.out.empty()) options.out = default_folder(options.sequence);
+  if (options.out.empty()) options.out = std::filesystem::path("results") / sequence_name(options.sequence);
   if (o_->dynamics) {
     options.dynamics = *o_->dynamics;
   } else if (options.masks.empty() && options.segmentation.segmenter.model.empty()) {
@@ -329,7 +354,7 @@ int RunCommand::run() const {
         << "no --model and no --masks: what moves is found by its geometry alone (--dynamics geometric)\n"
         << std::flush;
   }
-  return run_sequence(options);
+  return run_sequence(options, o_->view);
 }
 
 struct AblateCommand::Options {
@@ -356,7 +381,7 @@ rt::ConfigFields AblateCommand::fields() const {
 int AblateCommand::run() const {
   rt::RunOptions options = o_->run;
   if (options.out.empty()) {
-    options.out = default_folder(options.sequence);
+    options.out = std::filesystem::path("results") / sequence_name(options.sequence);
     options.out += "-ablation";
   }
   return ablate_sequence(options);

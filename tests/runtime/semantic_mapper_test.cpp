@@ -7,6 +7,8 @@
 #include <fstream>
 #include <memory>
 #include <sstream>
+#include <utility>
+#include <vector>
 
 #include "dynslam/interop/octomap.hpp"
 #include "dynslam/runtime/error.hpp"
@@ -247,6 +249,37 @@ TEST_CASE("keyframes that come while a corrected map is rebuilt do not wait for 
   for (int i = 0; i < 8; ++i) direct.insert(keyframe(false, Label::background, false));
   direct.finish();
   CHECK(bytes(mapper) == bytes(direct));
+}
+
+TEST_CASE("who wants to know is told of the tree as it grows, and not while it is built again") {
+  std::vector<std::size_t> occupied;  // written on the mapper's thread, read after finish()
+  const auto told = [&](const interop::SemanticOcTree& tree) {
+    std::size_t count = 0;
+    for (auto it = tree.begin_leafs(), end = tree.end_leafs(); it != end; ++it)
+      count += tree.isNodeOccupied(*it) ? 1U : 0U;
+    occupied.push_back(count);
+  };
+  SemanticMapper mapper(kMapCamera, 160, 120, {}, told), other(kMapCamera, 160, 120, {});
+  std::vector<std::pair<int, SE3<double>>> poses;
+  for (int i = 0; i < 4; ++i) {
+    MapKeyframe k = keyframe(false, Label::background, false);
+    k.id = i;
+    k.T_w_c = moved(0.6 * i, 0);
+    mapper.insert(k);
+    mapper.finish();
+    CHECK(occupied.size() == static_cast<std::size_t>(i) + 1);
+    poses.emplace_back(i, moved(0.6 * i, 0.1));
+    other.insert(k);
+  }
+  for (std::size_t i = 1; i < occupied.size(); ++i) CHECK(occupied[i] > occupied[i - 1]);
+  const std::size_t before = occupied.back();
+  mapper.repose(poses);
+  mapper.finish();
+  REQUIRE(occupied.size() == 5);  // once, when all is in it again
+  CHECK(occupied.back() > before / 2);
+  other.repose(poses);
+  other.finish();
+  CHECK(bytes(mapper) == bytes(other));
 }
 
 TEST_CASE("a saved map reads back with labels; two runs give the same bytes; bad paths are told") {

@@ -29,6 +29,7 @@
 #include "io/space_reserve.hpp"
 #include "run/evidence_log.hpp"
 #include "run/recorded_pace.hpp"
+#include "run/run_request.hpp"
 #include "run/run_summary.hpp"
 #include "run/run_timings.hpp"
 
@@ -37,39 +38,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool uses_network(const RunOptions& options) {
-  return uses_semantic(options.dynamics) && !options.segmentation.segmenter.model.empty();
-}
-
-void check_request(const RunOptions& options) {
-  if (uses_semantic(options.dynamics) && options.masks.empty() && !uses_network(options)) {
-    throw UsageError(
-        fmt::format("--dynamics {} needs a-priori masks: give --model FILE.onnx or --masks DIR, or use "
-                    "--dynamics geometric",
-                    to_string(options.dynamics)));
-  }
-  if (uses_network(options) && !options.masks.empty())
-    throw UsageError("--model and --masks exclude each other");
-  if (!options.save_map.empty() && lies_in(options.out, options.save_map))
-    throw UsageError(fmt::format("--out {} lies in the folder of --save-map, which is replaced as a whole",
-                                 options.out.string()));
-}
-
-SlamOptions slam_options(const RunOptions& options) {
-  SlamOptions result;
-  // Else without a network: its masks are made ahead, on a thread of their own.
-  if (options.schedule == Schedule::live && uses_network(options)) result.network = options.segmentation;
-  result.dynamics = options.dynamics;
-  result.map = options.map;
-  result.map_resolution = options.map_resolution;
-  result.map_memory = options.map_memory;
-  result.seed = options.seed;
-  result.tracker = options.tracker;
-  result.mapper = options.mapper;
-  result.new_map = options.new_map;
-  return result;
-}
-
 fs::path separate_file(const fs::path& out, int map) {
   return out / fmt::format("trajectory_map{}.txt", map);
 }
@@ -77,7 +45,7 @@ fs::path separate_file(const fs::path& out, int map) {
 /// A run: its parts, and what it has so far.
 class Run {
  public:
-  explicit Run(const RunOptions& options);
+  Run(const RunOptions& options, const RunWatch& watch);
   /// Tracks all frames, or as many as there are before `stop`. @throws what ends the run
   void track(const std::atomic<bool>& stop, const std::function<void(const Progress&)>& progress);
   [[nodiscard]] const Sequence& sequence() const { return sequence_; }
@@ -103,7 +71,7 @@ class Run {
   std::optional<SegmentedFrame> next();
   void take(SegmentedFrame& input);
   void take_live(const RgbdFrame& frame);
-  void note(double t, const std::string& stamp, const TrackResult& result, const cv::Mat& semantic,
+  void note(const RgbdFrame& frame, const TrackResult& result, const cv::Mat& semantic,
             const RunTimings::Row& times);
   void save_at_times();
   void report(const std::function<void(const Progress&)>& progress) const;
@@ -115,6 +83,7 @@ class Run {
   void write_summary();
 
   const RunOptions& options_;
+  const RunWatch& watch_;
   Sequence sequence_;
   CameraConfig camera_;
   std::optional<MaskSource> masks_;
@@ -139,8 +108,9 @@ class Run {
   std::unique_ptr<LiveSlam> live_;  // last: its threads use all of the above
 };
 
-Run::Run(const RunOptions& options)
+Run::Run(const RunOptions& options, const RunWatch& watch)
     : options_(options),
+      watch_(watch),
       sequence_(load_sequence(options.sequence, sequence_options(options))),
       camera_(camera_of(sequence_, options.camera)),
       pace_(options.live_speed) {
@@ -152,19 +122,21 @@ Run::Run(const RunOptions& options)
 
 void Run::start_stages() {
   StreamOptions stream{.queue = 4};
+  SlamOptions slam = slam_options(options_);
+  slam.mapped = watch_.mapped;
   if (options_.schedule == Schedule::live) {
     LiveOptions live = options_.live;
     live.clock = nullptr;
     live.result = [this](const LiveResult& r) {
       const std::lock_guard lock(mutex_);
-      note(r.t, r.stamp, r.track, {},
+      note(*r.frame, r.track, r.prior != nullptr ? r.prior->dynamic : cv::Mat(),
            {r.stamp, r.track.times, r.network_ms, r.keeper_ms, 0, 0, {}, 1000 * r.latency, r.mask_age});
       save_at_times();
     };
-    live_ = std::make_unique<LiveSlam>(camera_, slam_options(options_), live);
+    live_ = std::make_unique<LiveSlam>(camera_, slam, live);
     slam_ = &live_->slam();
   } else {
-    own_slam_ = std::make_unique<Slam>(camera_, slam_options(options_));
+    own_slam_ = std::make_unique<Slam>(camera_, slam);
     slam_ = own_slam_.get();
     prepare_ = std::make_unique<FramePreparation>(options_.tracker);
     stream.prepare = std::ref(*prepare_);
@@ -240,14 +212,14 @@ void Run::take(SegmentedFrame& input) {
   std::optional<Masks>& prior = input.segmented.masks;
   if (masks_) prior = masks_->read(frame.stamp, camera_.width, camera_.height);
   const TrackResult result = slam_->track(frame, prior);
-  note(frame.t, frame.stamp, result, prior ? prior->dynamic : cv::Mat(),
+  note(frame, result, prior ? prior->dynamic : cv::Mat(),
        {frame.stamp, result.times, input.segmented.network_ms, input.segmented.keeper_ms, 0, 0, {}});
 }
 
-/// @param semantic  the a-priori mask, for a report; empty: none, or a live run's, which has it on another
-/// thread
-void Run::note(double t, const std::string& stamp, const TrackResult& result, const cv::Mat& semantic,
+/// @param semantic  the a-priori mask, for a report and for who watches; empty: none
+void Run::note(const RgbdFrame& frame, const TrackResult& result, const cv::Mat& semantic,
                const RunTimings::Row& times) {
+  const std::string& stamp = frame.stamp;
   if (result.mask_rejected != MaskVerdict::kept)
     summary_.masks_rejected.emplace_back(stamp, result.mask_rejected);
   if (result.ok()) {
@@ -255,7 +227,7 @@ void Run::note(double t, const std::string& stamp, const TrackResult& result, co
     if (result.loop) summary_.loops.push_back(*result.loop);
   } else {
     ++summary_.lost;
-    if (unlisted_ == 0) lost_.emplace_back(t, summary_.problems.size());
+    if (unlisted_ == 0) lost_.emplace_back(frame.t, summary_.problems.size());
     note_problem(fmt::format("{}: {}", stamp, to_string(result.state)));
   }
   if (options_.save_masks) write_image(options_.out / "masks" / (stamp + ".png"), result.dynamic_mask);
@@ -267,6 +239,9 @@ void Run::note(double t, const std::string& stamp, const TrackResult& result, co
   row.frame_ms = lap;
   row.rss_mb = rss_mb();
   row.map = map_size_;
+  if (!watch_.frame) return;
+  watch_.frame({frame.index + 1, sequence_.frames.size(), frame, result, semantic, *slam_});
+  (void)wall_.lap_ms();
 }
 
 void Run::save_at_times() {
@@ -387,9 +362,10 @@ SequenceOptions sequence_options(const RunOptions& options) {
 
 RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop,
                         const std::function<void(const Progress&)>& progress,
-                        const std::function<void(const Sequence&, const CameraConfig&)>& opened) {
+                        const std::function<void(const Sequence&, const CameraConfig&)>& opened,
+                        const RunWatch& watch) {
   check_request(options);
-  Run run(options);
+  Run run(options, watch);
   if (opened) opened(run.sequence(), run.camera());
   run.attempt([&] { run.track(stop, progress); });
   run.save(stop);

@@ -208,6 +208,8 @@ void LiveSlam::State::track(Item& item) {
   result.mask_age = item.mask_age;
   result.network_ms = item.network_ms;
   result.keeper_ms = item.keeper_ms;
+  result.frame = &item.frame;
+  result.prior = item.prior ? &*item.prior : nullptr;
   const Use use(*this);
   result.track = slam->track(item.frame, item.prior);
   result.latency = clock() - item.pushed_at;

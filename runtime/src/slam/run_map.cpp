@@ -16,9 +16,9 @@ constexpr double kWorthIt = 0.25;  // of a voxel: a surface's shift for which th
 
 }  // namespace
 
-RunMap::RunMap(const CameraConfig& camera, const SemanticMapperOptions& options)
+RunMap::RunMap(const CameraConfig& camera, const SemanticMapperOptions& options, SemanticMapper::Told told)
     : resolution_(options.resolution),
-      mapper_(camera.model, camera.width, camera.height, options),
+      mapper_(camera.model, camera.width, camera.height, options, std::move(told)),
       margin_(cv::getStructuringElement(cv::MORPH_RECT, {2 * kMaskMargin + 1, 2 * kMaskMargin + 1})) {}
 
 void RunMap::load(const std::filesystem::path& folder, const ScanOwner& owner) {

@@ -34,13 +34,14 @@ const SemanticMapperOptions& checked(const SemanticMapperOptions& options, int w
 }  // namespace
 
 SemanticMapper::SemanticMapper(const AnyCamera<double>& camera, int width, int height,
-                               const SemanticMapperOptions& options)
+                               const SemanticMapperOptions& options, Told told)
     : options_(checked(options, width, height)),
       camera_(camera.cast<float>()),
       size_(width, height),
       scanner_(camera, width, height, options.scan),
       tree_(options.resolution),
       voxels_(tree_.grid()),
+      told_(std::move(told)),
       queue_(options.queue) {
   interop::set_parameters(tree_, options_.occupancy);
   thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
@@ -104,6 +105,10 @@ void SemanticMapper::fuse_next() {
   tree_.integrate(voxels_);
   ++fused_;
   check_size();
+  if (told_ && fused_ >= std::min(told_scans_, scans_.size())) {
+    told_scans_ = fused_;
+    told_(tree_);
+  }
   if (!behind() && !options_.retain_scans) {
     scans_.clear();
     fused_ = 0;

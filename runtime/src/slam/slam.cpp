@@ -79,7 +79,7 @@ struct Slam::State {
         tracker(std::make_unique<Tracker>(c, tracker_options(options))),
         journal(o.events),
         separate(std::make_unique<SeparateMaps>(c, tracker_options(options), o.new_map, o.map)) {
-    if (o.map) octree = std::make_unique<RunMap>(c, mapper_options(options));
+    if (o.map) octree = std::make_unique<RunMap>(c, mapper_options(options), options.mapped);
   }
 
   /// Runs what leaves the map in pieces where it throws.

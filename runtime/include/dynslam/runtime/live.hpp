@@ -38,6 +38,8 @@ struct LiveResult {
   /// there were none, or they were too old.
   std::optional<double> mask_age{};
   double network_ms = 0, keeper_ms = 0;  ///< of masks that came new with this frame; of carrying them here
+  const RgbdFrame* frame = nullptr;      ///< what was tracked; valid during the call
+  const Masks* prior = nullptr;          ///< its a-priori masks; null: none; valid during the call
   [[nodiscard]] bool mask_carried() const { return mask_age && *mask_age > 0; }
 };
 

@@ -38,6 +38,9 @@ struct SlamOptions {
   SemanticMapperOptions mapper = SemanticMapperOptions::of_run();
   NewMapOptions new_map;  ///< what a loss that lasts begins
   SlamEvents events{};    ///< functions to be called: keyframes, loops, adjustments, lost, found
+  /// Told of the octree as it grows, on the octree's own thread, which waits for it: the only way to look at it
+  /// before finish(). See SemanticMapper.
+  SemanticMapper::Told mapped{};
 };
 
 /// Poses in a map that was begun while the camera was lost and has not been joined to the main one.

@@ -14,6 +14,7 @@
 #include "dynslam/runtime/io/sequence.hpp"
 #include "dynslam/runtime/live.hpp"
 #include "dynslam/runtime/nets/segmentation_stage.hpp"
+#include "dynslam/runtime/run/run_watch.hpp"
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
 
@@ -96,11 +97,13 @@ struct RunSummary {
 /// run goes, see docs/reliability.md. A map that was loaded is never saved poorer than it was: what a failed
 /// run has is added to it where that is whole, and else the saved map stays.
 /// @param opened  called with the sequence and its camera before the first frame
+/// @param watch   called while the run goes on
 /// @throws InputError  unreadable sequence or masks, unwritable output, too many broken frames, or no frame
 ///         tracked at all (the files are written first where possible)
 /// @throws UsageError  options that contradict each other
 RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop,
                         const std::function<void(const Progress&)>& progress = {},
-                        const std::function<void(const Sequence&, const CameraConfig&)>& opened = {});
+                        const std::function<void(const Sequence&, const CameraConfig&)>& opened = {},
+                        const RunWatch& watch = {});
 
 }  // namespace dynslam::runtime

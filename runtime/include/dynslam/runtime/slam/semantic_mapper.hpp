@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <thread>
@@ -77,8 +78,13 @@ struct MapKeyframe {
 /// the rebuilding over. So the caller waits for the fusion of one scan at most, not for that of a map.
 class SemanticMapper {
  public:
-  SemanticMapper(const AnyCamera<double>& camera, int width, int height,
-                 const SemanticMapperOptions& options);
+  /// Told of the tree on the mapper's thread, whose time it takes, and which goes on when it returns.
+  using Told = std::function<void(const interop::SemanticOcTree&)>;
+
+  /// @param told  called when a scan has been fused, but for those of a tree that is rebuilt, until it has all
+  ///              that it had before; what it throws ends the mapping
+  SemanticMapper(const AnyCamera<double>& camera, int width, int height, const SemanticMapperOptions& options,
+                 Told told = {});
 
   /// Queues a keyframe; the images are shared, not copied, and must not be changed afterwards.
   /// Blocks while the queue is full; without retained scans until earlier ones are fused.
@@ -147,6 +153,8 @@ class SemanticMapper {
   Scans scans_;            // in their order; those that are fused are kept where they are retained
   std::size_t fused_ = 0;  // of them, in the tree
   int session_ = 0;        // of new scans
+  Told told_;
+  std::size_t told_scans_ = 0;  // in the tree when it was told of last
 
   BoundedQueue<Job> queue_;
   std::jthread thread_;  // last: it uses all of the above

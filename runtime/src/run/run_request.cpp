@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "run/run_request.hpp"
+
+#include <fmt/format.h>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/saved_map.hpp"
+#include "io/make_folder.hpp"
+
+namespace dynslam::runtime {
+
+bool uses_network(const RunOptions& options) {
+  return uses_semantic(options.dynamics) && !options.segmentation.segmenter.model.empty();
+}
+
+void check_request(const RunOptions& options) {
+  if (uses_semantic(options.dynamics) && options.masks.empty() && !uses_network(options)) {
+    throw UsageError(
+        fmt::format("--dynamics {} needs a-priori masks: give --model FILE.onnx or --masks DIR, or use "
+                    "--dynamics geometric",
+                    to_string(options.dynamics)));
+  }
+  if (uses_network(options) && !options.masks.empty())
+    throw UsageError("--model and --masks exclude each other");
+  if (!options.save_map.empty() && lies_in(options.out, options.save_map))
+    throw UsageError(fmt::format("--out {} lies in the folder of --save-map, which is replaced as a whole",
+                                 options.out.string()));
+}
+
+SlamOptions slam_options(const RunOptions& options) {
+  SlamOptions result;
+  // Else without a network: its masks are made ahead, on a thread of their own.
+  if (options.schedule == Schedule::live && uses_network(options)) result.network = options.segmentation;
+  result.dynamics = options.dynamics;
+  result.map = options.map;
+  result.map_resolution = options.map_resolution;
+  result.map_memory = options.map_memory;
+  result.seed = options.seed;
+  result.tracker = options.tracker;
+  result.mapper = options.mapper;
+  result.new_map = options.new_map;
+  return result;
+}
+
+}  // namespace dynslam::runtime

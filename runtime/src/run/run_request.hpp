@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "dynslam/runtime/run/run_sequence.hpp"
+#include "dynslam/runtime/slam.hpp"
+
+namespace dynslam::runtime {
+
+[[nodiscard]] bool uses_network(const RunOptions& options);
+/// @throws UsageError  options that contradict each other
+void check_request(const RunOptions& options);
+/// The system that a run is made with.
+[[nodiscard]] SlamOptions slam_options(const RunOptions& options);
+
+}  // namespace dynslam::runtime
