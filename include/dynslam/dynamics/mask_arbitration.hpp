@@ -38,6 +38,7 @@ struct MaskArbitrationOptions {
   S doubt = S(0.6);       ///< share of the matches that fit, below which a mask is put to the test
   S max_loss = S(1.5);    ///< growth of the pose's standard deviation that is accepted without a reason
   S max_chi2 = S(12.59);  ///< 95 % of chi-square with 6 degrees of freedom: one and the same pose
+  int young = 8;          ///< frames in which a point was in view, below which it cannot tell of one motion
   // Errors of the map that all matches share, and no covariance of independent ones knows [m, rad].
   S shared_translation = S(0.002), shared_rotation = S(0.001);
 };

@@ -123,12 +123,14 @@ class MotionSegmenter {
       verdicts_.age.fill(FreeSpaceVerdicts::kNever);
     }
     add_keypoint_seeds();
+    bodies_ = 0;
     if (options_.method == Method::full) add_bodies(depth, T_c_w);
-    motion_.verified = verdicts_.verified;
     on_stage(MotionStage::free_space);
     const MaskGrowingResult grown =
         grow_mask(depth_.view(), verdicts_.seed.view(), verdicts_.barrier.view(), verdicts_.age.view(),
                   cell_mask_.view(), options_.growing, growing_);
+    if (bodies_ > 0) complete_bodies();
+    motion_.verified = verdicts_.verified;
     motion_.seeds = grown.seeds;
     motion_.regions_leaked = grown.regions_leaked;
     upsample_mask(cell_mask_.view(), depth_, depth, grid_, motion_.mask.view(), zone_);
@@ -322,11 +324,45 @@ class MotionSegmenter {
       if (!moves_as_one(camera_, std::span<const KeypointMatch<S>>(body_), reference_.T_c_w(), depth, T_c_w,
                         S(o.agreeing), options_.locating, locating_))
         continue;
+      if (bodies_++ == 0) vote_at_rest();
+      for (const VerdictSite& s : sites_) {
+        if (s.moving && parts_(s.u, s.v) == part) votes_(s.u, s.v) = kForBody;
+      }
       for (std::size_t c = 0; c < grid_.cells(); ++c) {
         if (parts_.data()[c] != part) continue;
         take_for_moving(c);
         verdicts_.verified.data()[c] = 0;
       }
+    }
+  }
+
+  void vote_at_rest() {
+    votes_.resize(grid_.width(), grid_.height());
+    votes_.fill(0);
+    for (const VerdictSite& s : sites_) {
+      if (!s.moving) votes_(s.u, s.v) = kForRest;
+    }
+  }
+
+  /// Where a body's keypoints stand on a surface, and hardly one at rest, all of the surface is the body. As
+  /// far as it slides in its own plane the depth takes it for verified, which it is not.
+  void complete_bodies() {
+    const KeypointSeedOptions& o = options_.keypoint_seeds;
+    const auto share = [&](std::span<const PixelRun> runs) {
+      int body = 0, rest = 0;
+      for (const PixelRun& run : runs) {
+        for (int u = run.begin; u < run.end; ++u) {
+          body += votes_(u, run.v) == kForBody ? 1 : 0;
+          rest += votes_(u, run.v) == kForRest ? 1 : 0;
+        }
+      }
+      return body >= o.body && body >= o.outvoting * rest ? o.body_share : 2.0;
+    };
+    if (complete_surfaces(depth_, cell_mask_.view(), options_.growing.step, share,
+                          options_.growing.max_fraction, growing_.growing) == 0)
+      return;
+    for (std::size_t c = 0; c < grid_.cells(); ++c) {
+      if (cell_mask_.data()[c] != 0) verdicts_.verified.data()[c] = 0;
     }
   }
 
@@ -382,6 +418,9 @@ class MotionSegmenter {
   std::vector<std::size_t> judged_, site_match_;  // in matches_, of motion_.matches and of sites_
   Image<int> parts_;                              // of the cells, by body
   TerritoryWorkspace territories_;
+  enum Vote : std::uint8_t { kForBody = 1, kForRest = 2 };
+  Image<std::uint8_t> votes_;  // of keypoints, by cell
+  int bodies_ = 0;
   std::vector<KeypointMatch<S>> body_;
   CornerWorkspace corner_workspace_;
   std::vector<Eigen::Vector2i> corners_;

@@ -27,6 +27,10 @@ struct KeypointSeedOptions {
   double territory = 0.05;
   int body = 15;
   double agreeing = 0.8;
+  /// Share of a connected surface from which on all of it is the body that stands on it, where moving
+  /// keypoints are at least `outvoting` times as many as those at rest; above 1: never.
+  double body_share = 0.3;
+  double outvoting = 10;
 };
 
 /// When the segmenter takes a new reference keyframe by itself.

@@ -58,6 +58,15 @@ MaskedPoseResult<S> masked_pose(MatchedPose<S, Camera>& estimator, const Map& ma
     }
     return estimator.optimize(map, start, frame);
   };
+  // Points made a moment ago are where they are seen, whatever they move with.
+  const auto mostly_young = [&](std::size_t k) {
+    int young = 0, old = 0;
+    for (std::size_t i = 0; i < ws.point.size(); ++i) {
+      if (ws.point[i] < 0 || masks[k][i] == 0) continue;
+      ++(map.point(ws.point[i]).visible < options.young ? young : old);
+    }
+    return young > old;
+  };
   PoseResult<S> all;
   for (; result.mask < masks.size(); ++result.mask) {
     result.pose = estimate(result.mask);
@@ -70,7 +79,8 @@ MaskedPoseResult<S> masked_pose(MatchedPose<S, Camera>& estimator, const Map& ma
       all = estimate(masks.size());
       std::swap(ws.all_point, frame.point);
     }
-    const MaskVerdict verdict = arbitrate_mask(result.pose, all, options);
+    MaskVerdict verdict = arbitrate_mask(result.pose, all, options);
+    if (verdict == MaskVerdict::one_motion && mostly_young(result.mask)) verdict = MaskVerdict::kept;
     if (result.mask == 0) result.verdict = verdict;
     if (verdict == MaskVerdict::kept) break;
   }

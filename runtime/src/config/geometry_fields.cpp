@@ -74,6 +74,9 @@ void list(FieldList& f, KeypointSeedOptions& o) {
     "how far over its surface a dynamic keypoint speaks against the depth check; 0: never", kShare);
   f("body", o.body, "keypoints", "dynamic keypoints that must stand on one surface for that", from(3));
   f("agreeing", o.agreeing, "", "share of them that must have one motion", kShare);
+  f("body_share", o.body_share, "",
+    "share of a connected surface from which on all of it is the body on it; above 1: never", kPositive);
+  f("outvoting", o.outvoting, "", "moving keypoints per keypoint at rest that it takes there", kPositive);
 }
 
 void list(FieldList& f, DepthGridOptions& o) {

@@ -103,6 +103,7 @@ void list(FieldList& f, MaskArbitrationOptions<double>& o) {
     kPositive);
   f("max_chi2", o.max_chi2, "", "squared normalised distance up to which two poses count as the same",
     kPositive);
+  f("young", o.young, "frames", "in which a point was in view, below which it cannot tell of one motion");
   f("shared_translation", o.shared_translation, "m", "error of the map's position that all matches share",
     kPositive);
   f("shared_rotation", o.shared_rotation, "rad", "error of the map's rotation that all matches share",
