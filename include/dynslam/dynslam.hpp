@@ -15,6 +15,7 @@
 #include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/mask_arbitration.hpp"
 #include "dynslam/dynamics/method.hpp"
+#include "dynslam/dynamics/motion.hpp"
 #include "dynslam/dynamics/motion_segmenter.hpp"
 #include "dynslam/dynamics/motion_segmenter_options.hpp"
 #include "dynslam/dynamics/moves_as_one.hpp"

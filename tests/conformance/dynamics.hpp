@@ -14,6 +14,7 @@
 #include "dynslam/dynamics/free_space_history.hpp"
 #include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/method.hpp"
+#include "dynslam/dynamics/motion.hpp"
 #include "dynslam/dynamics/motion_segmenter.hpp"
 #include "dynslam/dynamics/motion_segmenter_options.hpp"
 #include "dynslam/dynamics/moves_as_one.hpp"

@@ -28,13 +28,15 @@ struct Scene {
   std::vector<int> forgotten;
 
   /// @param mover_px  how far what lies on the left has gone since the map was made
-  explicit Scene(double mover_px) {
+  /// @param frames    for which the points have been in view
+  explicit Scene(double mover_px, int frames = 20) {
     test::Rng rng("masked pose");
     for (int k = 0; k < 200; ++k) {
       const Eigen::Matrix<S, 2, 1> x(S(rng.uniform(20, 620)), S(rng.uniform(20, 460)));
       const S z = S(rng.uniform(1, 4));
       MapPoint<S> point;
       point.p_w = truth.inverse() * (camera.ray(x) * z);
+      point.visible = frames;
       Feature f;
       f.x = f.u = static_cast<float>(x.x()) + static_cast<float>(0.3 * rng.normal());
       f.y = f.v = static_cast<float>(x.y()) + static_cast<float>(0.3 * rng.normal());
@@ -86,6 +88,15 @@ TEST_CASE_TEMPLATE("a mask over what stands still is not believed where it costs
   CHECK(scene.matches() > 150);
   CHECK(scene.forgotten.empty());
   for (const auto flag : scene.frame.dynamic) CHECK(flag == 0);
+}
+
+TEST_CASE_TEMPLATE("points that were made a moment ago drop no mask: they are where they are seen", S, float,
+                   double) {
+  Scene<S> scene(0, MaskArbitrationOptions<S>{}.young - 1);
+  const auto result = scene.find({scene.all_but_few});
+  CHECK(result.verdict == MaskVerdict::kept);
+  CHECK(result.mask == 0);
+  CHECK(scene.frame.dynamic == scene.all_but_few);
 }
 
 TEST_CASE_TEMPLATE("a mask over what moves is believed even where it leaves little", S, float, double) {

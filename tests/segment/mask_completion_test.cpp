@@ -5,6 +5,7 @@
 
 #include <limits>
 #include <random>
+#include <span>
 
 #include "dynslam/image/image.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
@@ -49,7 +50,8 @@ class OracleOfWays {
       : gray_(gray), depth_(depth), mask_(mask), level_(level) {}
 
   [[nodiscard]] Mask decide(double limit) const {
-    const auto to_mask = ways(true, [&](int, int) { return true; }, limit);
+    const auto to_mask = ways(
+        true, [&](int, int) { return true; }, limit);
     const auto near = [&](int u, int v) { return mask_(u, v) != 0 || to_mask(u, v) <= limit; };
     const auto to_rest = ways(false, near, limit);
     Mask out = mask_;
@@ -97,6 +99,26 @@ class OracleOfWays {
 
 }  // namespace
 
+TEST_CASE("what a surface asks for may depend on what lies on it") {
+  RimsOfAMover mover(20);  // a third is found
+  const Mask before = mover.mask;
+  const auto complete = [&](double share) {
+    const auto by_size = [&](std::span<const PixelRun> runs) {
+      std::size_t size = 0;
+      for (const PixelRun& run : runs) size += static_cast<std::size_t>(run.end - run.begin);
+      CHECK(size == 600);
+      return share;
+    };
+    return complete_surfaces(mover.depth, mover.mask.view(), RelativeStep<float>{0.03F, 0.01F}, by_size, 0.7,
+                             mover.workspace);
+  };
+  CHECK(complete(0.4) == 0);
+  CHECK(complete(2) == 0);
+  CHECK(count(mover.mask) == count(before));
+  CHECK(complete(0.3) == 400);
+  CHECK(count(mover.mask) == 600);
+}
+
 TEST_CASE("a surface that is found moving in most parts moves as a whole") {
   RimsOfAMover mover(10);
   CHECK(mover.complete() == 20 * 10);
@@ -121,8 +143,8 @@ TEST_CASE("what a mover stands on is not taken with it, nor a surface that fills
 }
 
 TEST_CASE("pixels without depth go with what looks alike, on the mask or beside it") {
-  // A dark head of 12 x 12 on a mover whose depth ends below it, before a bright wall: the head has no depth, and
-  // as the shadow of the sensor's lamp the wall beside the mover has none either.
+  // A dark head of 12 x 12 on a mover whose depth ends below it, before a bright wall: the head has no depth,
+  // and as the shadow of the sensor's lamp the wall beside the mover has none either.
   Image<std::uint8_t> gray(kMaskWidth, kMaskHeight, 200);
   Image<float> depth(kMaskWidth, kMaskHeight, 3.0F);
   Mask mask(kMaskWidth, kMaskHeight, 0), truth(kMaskWidth, kMaskHeight, 0);

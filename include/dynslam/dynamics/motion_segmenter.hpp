@@ -17,6 +17,7 @@
 #include "dynslam/dynamics/free_space_history.hpp"
 #include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/method.hpp"
+#include "dynslam/dynamics/motion.hpp"
 #include "dynslam/dynamics/motion_segmenter_options.hpp"
 #include "dynslam/dynamics/moves_as_one.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
@@ -32,41 +33,6 @@
 #include "dynslam/segment/mask_upsampling.hpp"
 
 namespace dynslam {
-
-/// Whether a frame was segmented.
-enum class MotionStatus : std::uint8_t {
-  ok,
-  size_mismatch  ///< an image of another size than the first one, or than its fellow: nothing was done
-};
-
-/// A keypoint of the reference keyframe in the present frame, and the verdict on it.
-template <std::floating_point S>
-struct JudgedMatch {
-  Eigen::Matrix<S, 2, 1> x, x_m;  ///< recorded pixels in the reference and in the present image
-  S weight = S(1);                ///< Eq (7)
-  bool dynamic = false;
-};
-
-/// What moves in a frame.
-template <std::floating_point S>
-struct Motion {
-  MotionStatus status = MotionStatus::ok;
-  Image<std::uint8_t> mask;             ///< 255 where something moves, at the images' size
-  Image<std::uint8_t> verified;         ///< cells whose surface was in the same place long before
-  std::vector<JudgedMatch<S>> matches;  ///< mismatches left out; empty where too few were found
-  // How it came about.
-  int tracked = 0;     ///< reference keypoints found
-  int mismatches = 0;  ///< off their epipolar line
-  bool epipolar_used = false;
-  int dynamic_matches = 0;
-  StaticWeightScales<S> scales{};
-  int seeds = 0;           ///< cells that started the growing
-  int regions_leaked = 0;  ///< dropped by the guard
-  [[nodiscard]] bool ok() const { return status == MotionStatus::ok; }
-};
-
-/// Parts of a frame's work, as they are reported to `segment`'s observer.
-enum class MotionStage : std::uint8_t { matching, residuals, free_space, growing };
 
 /// Finds what moves in RGB-D images without knowing what it is, inside any SLAM system (paper, steps 5 to 9):
 ///

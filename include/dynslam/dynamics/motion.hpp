@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <concepts>
+#include <cstdint>
+#include <vector>
+
+#include "dynslam/dynamics/static_weights.hpp"
+#include "dynslam/image/image.hpp"
+
+namespace dynslam {
+
+/// Whether a frame was segmented.
+enum class MotionStatus : std::uint8_t {
+  ok,
+  size_mismatch  ///< an image of another size than the first one, or than its fellow: nothing was done
+};
+
+/// A keypoint of the reference keyframe in the present frame, and the verdict on it.
+template <std::floating_point S>
+struct JudgedMatch {
+  Eigen::Matrix<S, 2, 1> x, x_m;  ///< recorded pixels in the reference and in the present image
+  S weight = S(1);                ///< Eq (7)
+  bool dynamic = false;
+};
+
+/// What moves in a frame.
+template <std::floating_point S>
+struct Motion {
+  MotionStatus status = MotionStatus::ok;
+  Image<std::uint8_t> mask;             ///< 255 where something moves, at the images' size
+  Image<std::uint8_t> verified;         ///< cells whose surface was in the same place long before
+  std::vector<JudgedMatch<S>> matches;  ///< mismatches left out; empty where too few were found
+  // How it came about.
+  int tracked = 0;     ///< reference keypoints found
+  int mismatches = 0;  ///< off their epipolar line
+  bool epipolar_used = false;
+  int dynamic_matches = 0;
+  StaticWeightScales<S> scales{};
+  int seeds = 0;           ///< cells that started the growing
+  int regions_leaked = 0;  ///< dropped by the guard
+  [[nodiscard]] bool ok() const { return status == MotionStatus::ok; }
+};
+
+/// Parts of a frame's work, as they are reported to `segment`'s observer.
+enum class MotionStage : std::uint8_t { matching, residuals, free_space, growing };
+
+}  // namespace dynslam
