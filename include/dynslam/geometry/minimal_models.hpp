@@ -10,6 +10,7 @@
 #include <concepts>
 #include <cstddef>
 #include <optional>
+#include <type_traits>
 #include <utility>
 
 // Of double alone, and templates all the same: who includes them and does not call them waits for no
@@ -65,9 +66,10 @@ inline int real_roots(double a, double b, double c, double d, std::array<double,
 /// @param p, q  homogeneous points of the two images, one per column
 /// @param F     out
 /// @return how many; 0 where the matches leave more than one pencil of F
-template <std::same_as<double> W>
-[[nodiscard]] int fundamental_seven_point(const Eigen::Matrix<W, 3, 7>& p, const Eigen::Matrix<W, 3, 7>& q,
-                                          std::array<Eigen::Matrix<W, 3, 3>, 3>& F) {
+template <std::same_as<double> W = double>
+[[nodiscard]] int fundamental_seven_point(const std::type_identity_t<Eigen::Matrix<W, 3, 7>>& p,
+                                          const std::type_identity_t<Eigen::Matrix<W, 3, 7>>& q,
+                                          std::array<std::type_identity_t<Eigen::Matrix<W, 3, 3>>, 3>& F) {
   std::array<std::array<double, 9>, 7> A;
   for (std::size_t k = 0; k < 7; ++k) {
     for (std::size_t i = 0; i < 9; ++i)
@@ -125,9 +127,10 @@ template <std::same_as<double> W>
 /// @param p, q  homogeneous points of the two images, one per column
 /// @return nullopt where three of the points are on a line, and where no camera sees the four in this order
 ///         from one side of a plane
-template <std::same_as<double> W>
-[[nodiscard]] std::optional<Eigen::Matrix<W, 3, 3>> homography_four_point(const Eigen::Matrix<W, 3, 4>& p,
-                                                                          const Eigen::Matrix<W, 3, 4>& q) {
+template <std::same_as<double> W = double>
+[[nodiscard]] std::optional<Eigen::Matrix<W, 3, 3>> homography_four_point(
+    const std::type_identity_t<Eigen::Matrix<W, 3, 4>>& p,
+    const std::type_identity_t<Eigen::Matrix<W, 3, 4>>& q) {
   using Matrix3 = Eigen::Matrix<W, 3, 3>;
   using Vector3 = Eigen::Matrix<W, 3, 1>;
   Matrix3 basis[2], inverse[2];
