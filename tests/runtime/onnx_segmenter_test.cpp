@@ -16,7 +16,6 @@
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/nets/segmentation_stage.hpp"
 #include "dynslam/runtime/synth/synth.hpp"
-#include "program.hpp"
 #include "tiny_onnx.hpp"
 #include "tum_fixture.hpp"
 
@@ -91,17 +90,6 @@ TEST_CASE("a network's classes arrive as masks and labels where they are, the sa
     // The input has a tenth of the width: a border lies within one of its pixels.
     CHECK(cv::countNonZero(masks.dynamic) == doctest::Approx(120 * 300).epsilon(0.1));
   }
-}
-
-TEST_CASE("a network is loaded without a word, whatever its engine's libraries have to say") {
-  const test::TemporaryFolder folder;
-  const std::string path = folder.path.string();
-  test::write_onnx(folder.path / "colours.onnx", test::colour_network());
-  REQUIRE(test::call("synth " + path + "/seq --frames 2").code == 0);
-  const auto run = test::shell(std::string(DYNSLAM_PROGRAM) + " run " + path + "/seq --out " + path +
-                               "/out --model " + path + "/colours.onnx 2>&1 >/dev/null");
-  CHECK(run.code == 0);
-  CHECK(run.out == "");
 }
 
 TEST_CASE("names come from the metadata or a sidecar, and choose what is dynamic and what is mapped") {

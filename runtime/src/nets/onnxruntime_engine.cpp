@@ -3,9 +3,6 @@
 #include <onnxruntime_cxx_api.h>
 
 #include <algorithm>
-#include <iostream>
-#include <sstream>
-#include <string>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
@@ -21,26 +18,6 @@ std::string first_line(std::string text) {
   return text;
 }
 
-/// Debian's ONNX Runtime registers operators that the libonnx it is linked with has registered before, and
-/// says so on std::cerr in 567 lines when a process makes its first session. While this object lives, these
-/// are left out; anything else is passed on at its end. Nobody else may write to std::cerr meanwhile.
-class WithoutSchemaErrors {
- public:
-  WithoutSchemaErrors() : cerr_(std::cerr.rdbuf(said_.rdbuf())) {}
-  WithoutSchemaErrors(const WithoutSchemaErrors&) = delete;
-  WithoutSchemaErrors& operator=(const WithoutSchemaErrors&) = delete;
-  ~WithoutSchemaErrors() {
-    std::cerr.rdbuf(cerr_);
-    for (std::string line; std::getline(said_, line);) {
-      if (!line.empty() && !line.starts_with("Schema error: Trying to register")) std::cerr << line << '\n';
-    }
-  }
-
- private:
-  std::stringstream said_;
-  std::streambuf* cerr_;
-};
-
 template <class T>
 void convert(const Ort::Value& value, std::size_t count, std::vector<float>& out) {
   const T* data = value.GetTensorData<T>();
@@ -49,9 +26,8 @@ void convert(const Ort::Value& value, std::size_t count, std::vector<float>& out
 
 class OnnxRuntimeEngine final : public InferenceEngine {
  public:
-  OnnxRuntimeEngine(const std::filesystem::path& model, int threads) : file_(model.string()) {
-    const WithoutSchemaErrors quiet;
-    environment_ = Ort::Env(ORT_LOGGING_LEVEL_FATAL, "dynslam");
+  OnnxRuntimeEngine(const std::filesystem::path& model, int threads)
+      : file_(model.string()), environment_(ORT_LOGGING_LEVEL_FATAL, "dynslam") {
     Ort::SessionOptions options;
     options.SetIntraOpNumThreads(std::max(1, threads));
     options.SetInterOpNumThreads(1);
@@ -136,7 +112,7 @@ class OnnxRuntimeEngine final : public InferenceEngine {
 
  private:
   std::string file_;
-  Ort::Env environment_{nullptr};
+  Ort::Env environment_;
   Ort::Session session_{nullptr};
   std::vector<TensorInfo> inputs_, outputs_;
   std::map<std::string, std::string> metadata_;
