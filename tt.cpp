@@ -1,1 +1,0 @@
-#include "dynslam/geometry/epipolar.hpp"
