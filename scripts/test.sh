@@ -10,6 +10,8 @@ scripts/install-deps.sh
 jobs=${JOBS:-$(nproc)}
 # ccache learns from the compiler which headers a source needs, instead of preprocessing each source once more.
 export CCACHE_DEPEND=${CCACHE_DEPEND:-1}
+# And it may keep what was compiled with a precompiled header (cmake/self_containment.cmake).
+export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros}
 
 step() { printf '\n=== %s (%d s so far)\n' "$*" "$SECONDS"; }
 
