@@ -74,12 +74,13 @@ FeatureExtractor::FeatureExtractor(const FeatureOptions& options) : options_(opt
   for (int y = 0; y <= kHalfPatch; ++y) {
     circle_.push_back(static_cast<int>(std::lround(std::sqrt(kHalfPatch * kHalfPatch - y * y))));
   }
-  orb_ = cv::ORB::create(options_.features, options_.scale_factor, options_.levels, kBorder, 0, 2,
-                         cv::ORB::FAST_SCORE, 2 * kHalfPatch + 1, options_.fast_threshold);
+  // It sees each of our levels as an image of its own: from the whole image it would make all of them once
+  // more.
+  orb_ = cv::ORB::create(options_.features, options_.scale_factor, 1, kBorder, 0, 2, cv::ORB::FAST_SCORE,
+                         2 * kHalfPatch + 1, options_.fast_threshold);
 }
 
-void FeatureExtractor::detect_level(int level, ImageFeatures& out) {
-  const cv::Mat& image = out.pyramid.levels[static_cast<std::size_t>(level)];
+void FeatureExtractor::detect_level(const cv::Mat& image, int wanted) {
   const int width = image.cols - 2 * kBorder, height = image.rows - 2 * kBorder;
   if (width < options_.cell || height < options_.cell) return;
   const int columns = std::max(1, width / options_.cell), rows = std::max(1, height / options_.cell);
@@ -118,7 +119,6 @@ void FeatureExtractor::detect_level(int level, ImageFeatures& out) {
   }
 
   // Water-filling: the largest per-cell share whose total does not exceed what is wanted.
-  const int wanted = wanted_[static_cast<std::size_t>(level)];
   std::size_t share = 0;
   for (std::size_t trial = 1; trial <= 64; ++trial) {
     std::size_t total = 0;
@@ -126,19 +126,31 @@ void FeatureExtractor::detect_level(int level, ImageFeatures& out) {
     if (total > static_cast<std::size_t>(wanted) && share > 0) break;
     share = trial;
   }
-  const float scale = scales_[static_cast<std::size_t>(level)];
   for (auto& cell : cells_) {
     std::sort(cell.begin(), cell.end(), stronger);
     if (cell.size() > share) cell.resize(share);
     for (cv::KeyPoint& k : cell) {
-      const int u = static_cast<int>(k.pt.x), v = static_cast<int>(k.pt.y);
-      k.angle = centroid_angle(image, u, v, circle_);
-      k.octave = level;
-      k.size = static_cast<float>(2 * kHalfPatch + 1) * scale;
-      const Eigen::Vector2d base = out.pyramid.to_base(Eigen::Vector2d(u, v), level);
-      k.pt = cv::Point2f(static_cast<float>(base.x()), static_cast<float>(base.y()));
-      out.keypoints.push_back(k);
+      k.angle = centroid_angle(image, static_cast<int>(k.pt.x), static_cast<int>(k.pt.y), circle_);
+      k.octave = 0;
+      level_keypoints_.push_back(k);
     }
+  }
+}
+
+void FeatureExtractor::describe_level(int level, ImageFeatures& out) {
+  if (level_keypoints_.empty()) return;
+  // May drop keypoints at the border.
+  orb_->compute(out.pyramid.levels[static_cast<std::size_t>(level)], level_keypoints_, level_descriptors_);
+  const float size = static_cast<float>(2 * kHalfPatch + 1) * scales_[static_cast<std::size_t>(level)];
+  for (std::size_t i = 0; i < level_keypoints_.size(); ++i) {
+    cv::KeyPoint k = level_keypoints_[i];
+    const Eigen::Vector2d base = out.pyramid.to_base(Eigen::Vector2d(k.pt.x, k.pt.y), level);
+    k.pt = cv::Point2f(static_cast<float>(base.x()), static_cast<float>(base.y()));
+    k.octave = level;
+    k.size = size;
+    out.keypoints.push_back(k);
+    std::memcpy(out.descriptors.emplace_back().data(),
+                level_descriptors_.ptr<std::uint8_t>(static_cast<int>(i)), sizeof(Descriptor));
   }
 }
 
@@ -148,9 +160,11 @@ void FeatureExtractor::extract(const cv::Mat& image, ImageFeatures& out) {
   // business.
   const cv::Mat gray = image.isSubmatrix() ? image.clone() : image;
   out.keypoints.clear();
+  out.descriptors.clear();
   out.pyramid.levels.resize(static_cast<std::size_t>(options_.levels));
   out.pyramid.pixel_size.resize(static_cast<std::size_t>(options_.levels));
-  wanted_ = features_per_level(scales_, options_.features, std::min(gray.cols, gray.rows));
+  const std::vector<int> wanted =
+      features_per_level(scales_, options_.features, std::min(gray.cols, gray.rows));
   for (int level = 0; level < options_.levels; ++level) {
     cv::Mat& reduced = out.pyramid.levels[static_cast<std::size_t>(level)];
     if (level == 0) {
@@ -164,13 +178,10 @@ void FeatureExtractor::extract(const cv::Mat& image, ImageFeatures& out) {
     }
     out.pyramid.pixel_size[static_cast<std::size_t>(level)] = {static_cast<double>(gray.cols) / reduced.cols,
                                                                static_cast<double>(gray.rows) / reduced.rows};
-    if (wanted_[static_cast<std::size_t>(level)] > 0) detect_level(level, out);
-  }
-  cv::Mat rows;
-  if (!out.keypoints.empty()) orb_->compute(gray, out.keypoints, rows);  // may drop keypoints at the border
-  out.descriptors.resize(out.keypoints.size());
-  for (std::size_t i = 0; i < out.keypoints.size(); ++i) {
-    std::memcpy(out.descriptors[i].data(), rows.ptr<std::uint8_t>(static_cast<int>(i)), sizeof(Descriptor));
+    level_keypoints_.clear();
+    if (wanted[static_cast<std::size_t>(level)] > 0)
+      detect_level(reduced, wanted[static_cast<std::size_t>(level)]);
+    describe_level(level, out);
   }
 }
 

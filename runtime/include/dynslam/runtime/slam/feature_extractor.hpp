@@ -49,14 +49,17 @@ class FeatureExtractor {
   [[nodiscard]] float scale_factor() const { return options_.scale_factor; }
 
  private:
-  void detect_level(int level, ImageFeatures& out);
+  // Into level_keypoints_, with pixels of the level.
+  void detect_level(const cv::Mat& image, int wanted);
+  // level_keypoints_ with their descriptors, to out.
+  void describe_level(int level, ImageFeatures& out);
 
   FeatureOptions options_;
   std::vector<float> scales_;
-  std::vector<int> wanted_;  // per level
   std::vector<int> circle_;  // half width of the orientation patch per row
   cv::Ptr<cv::ORB> orb_;
-  std::vector<cv::KeyPoint> corners_, cell_corners_;
+  std::vector<cv::KeyPoint> corners_, cell_corners_, level_keypoints_;
+  cv::Mat level_descriptors_;
   std::vector<std::vector<cv::KeyPoint>> cells_;
 };
 
