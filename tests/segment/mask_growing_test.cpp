@@ -80,6 +80,25 @@ TEST_CASE("single seeds are noise, and a region that fills the view has leaked")
   CHECK(wall.count() == 0);
 }
 
+TEST_CASE("a board that is carried up to the camera keeps its mask until little else is left") {
+  const auto covered = [](int columns) {  // of the 80, by a board before the wall, with evidence all over it
+    Cells near;
+    for (int v = 0; v < 60; ++v) {
+      for (int u = 0; u < columns; ++u) near.depth(u, v) = 0.6F;
+    }
+    near.plant(4, 4, 4, 0);
+    near.plant(30, 30, 4, 0);
+    MaskGrowingOptions anywhere;
+    anywhere.reach = -1;
+    near.grow(anywhere);
+    return near.count();
+  };
+  CHECK(covered(50) == 50 * 60);
+  CHECK(covered(60) == 60 * 60);  // three quarters of the view, as a board at arm's length takes
+  CHECK(covered(70) == 70 * 60);
+  CHECK(covered(76) == 0);
+}
+
 TEST_CASE("an enlarged mask follows the outline that the pixels' depth shows") {
   const DepthGrid grid(Pinhole<double>(200, 200, 79.5, 59.5), 160, 120, {.columns = 40});
   Image<float> depth(160, 120, 3.0F);

@@ -25,7 +25,7 @@ struct MaskGrowingOptions {
   int min_region = 30;        ///< smaller regions are dropped
   int reach = 8;              ///< pixels around fresh evidence that a region may fill; < 0: any number
   int max_hole = 600;         ///< larger holes in a mask stay open
-  double max_fraction = 0.7;  ///< share of the valid depth beyond which a region has leaked
+  double max_fraction = 0.9;  ///< share of the valid depth beyond which a region has leaked
   double whole = 0.6;         ///< share of a connected surface from which on all of it moves; above 1: never
   RelativeStep<float> step{0.03F, 0.010F};  ///< between neighbouring pixels [m, 1/m]: the sensor's noise
 };
@@ -91,6 +91,7 @@ MaskGrowingResult grow_mask(const D& depth, Seed&& seed, Barrier&& barrier, Age&
   const RelativeStep<S> step{static_cast<S>(options.step.base), static_cast<S>(options.step.quad)};
   RegionGrowingOptions growing;
   growing.max_region_fraction = options.max_fraction;
+  growing.max_total_fraction = std::max(growing.max_total_fraction, options.max_fraction);
   growing.min_region_pixels = options.min_region;
   const auto grown =
       grow_regions(depth, barrier, std::span<const PixelIndex>(ws.seeds), step, growing, mask, ws.growing);

@@ -82,6 +82,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.done(Stage::local_map);
   if (now.result.state == TrackingState::lost) {
     ++lost_frames_;
+    last_moving_.release();
     resting_.release();  // where somebody sat is known only as long as the camera's place is
     return now.finish();
   }
@@ -89,6 +90,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   if (uses_geometry(options_.dynamics)) {
     find_movers(now);
     pose_without_movers(now);
+    doubt_recent_movers(now);
   }
   accept(now);
   now.done(Stage::pose);
@@ -342,6 +344,20 @@ void Tracker::pose_without_movers(Present& now) {
     const Feature& f = frame.features[i];
     frame.dynamic[i] = masks[0][i] != 0 && frame.point[i] < 0 && !geometry_.verified_static(f.u, f.v) ? 1 : 0;
   }
+}
+
+/// A mask may break down for a frame. A keyframe of just then would take the mover for the room, as points
+/// and as reference, and the mask would not come back: what was on the last frame's mask makes neither.
+void Tracker::doubt_recent_movers(Present& now) {
+  Frame& frame = now.frame;
+  if (options_.method == Method::full && !last_moving_.empty()) {
+    recent_flags_.assign(frame.features.size(), 0);
+    flag(frame, last_moving_, recent_flags_);
+    for (std::size_t i = 0; i < recent_flags_.size(); ++i) {
+      if (recent_flags_[i] != 0 && frame.point[i] < 0) frame.dynamic[i] = 1;
+    }
+  }
+  now.moving.copyTo(last_moving_);
 }
 
 void Tracker::accept(Present& now) {

@@ -82,7 +82,6 @@ void Tracker::remember_last(Present& now) {
   levels.front().copyTo(own);  // level 0 may be the caller's
   last_pyramid_ = now.image->pyramid;
   last_pyramid_.levels.front() = own;
-  now.moving.copyTo(last_moving_);
 }
 
 bool Tracker::look_again() {

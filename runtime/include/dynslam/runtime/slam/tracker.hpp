@@ -81,6 +81,7 @@ class Tracker {
   void find_movers(Present& now);
   void give_back_resting(Present& now);
   void pose_without_movers(Present& now);
+  void doubt_recent_movers(Present& now);
   void accept(Present& now);
   /// Makes the frame at hand a keyframe, or notes that one shows the same.
   void keep(Present& now);
@@ -122,8 +123,9 @@ class Tracker {
   std::size_t bundle_due_ = 0;  // frame index
   std::size_t adjustments_ = 0;
   Frame last_;
-  ImagePyramid last_pyramid_;  // and what was found moving in it, CV_8UC1: for look_again()
-  cv::Mat last_moving_;
+  ImagePyramid last_pyramid_;  // for look_again()
+  cv::Mat last_moving_;        // what the geometry found in the last frame, CV_8UC1
+  std::vector<std::uint8_t> recent_flags_;
   SE3<double> velocity_;  // T_c_last
   bool initialised_ = false;
   int lost_frames_ = 0;
