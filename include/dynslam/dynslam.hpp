@@ -76,6 +76,7 @@
 #include "dynslam/map/point_maker.hpp"
 #include "dynslam/optim/absolute_pose.hpp"
 #include "dynslam/optim/bundle_adjustment.hpp"
+#include "dynslam/optim/image_alignment.hpp"
 #include "dynslam/optim/levenberg_marquardt.hpp"
 #include "dynslam/optim/normal_equations.hpp"
 #include "dynslam/optim/patch_alignment.hpp"

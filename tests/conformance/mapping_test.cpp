@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "cameras.hpp"
@@ -26,6 +27,7 @@
 #include "dynslam/map/masked_pose.hpp"
 #include "dynslam/map/matched_pose.hpp"
 #include "dynslam/map/point_maker.hpp"
+#include "dynslam/optim/image_alignment.hpp"
 #include "moving_scene.hpp"
 #include "random.hpp"
 #include "record.hpp"
@@ -76,6 +78,18 @@ struct Wall {
 };
 
 }  // namespace
+
+TEST_CASE_TEMPLATE("one view is aligned with the next by grey values behind every camera", Camera,
+                   DYNSLAM_CONFORMANCE_CAMERAS) {
+  using S = typename Camera::ScalarType;
+  Wall<Camera> wall;
+  ImageAlignmentWorkspace<S> workspace;
+  const std::array<SE3<S>, 1> starts{};
+  const auto found = align_images<S>(wall.pyramids[0], wall.depth[0], wall.pyramids[1], wall.camera,
+                                     std::span<const SE3<S>>(starts), {}, workspace);
+  REQUIRE(found.ok());
+  CHECK((found.T_image_reference * wall.T_c1_w.inverse()).log().norm() < S(0.005));
+}
 
 TEST_CASE_TEMPLATE("points of one view are found in the next, with its pose, behind every camera", Camera,
                    DYNSLAM_CONFORMANCE_CAMERAS) {

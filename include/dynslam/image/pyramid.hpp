@@ -45,9 +45,12 @@ template <class T = std::uint8_t>
 class HalvingPyramid {
  public:
   /// @param levels  wanted, 1 or more; a level of less than 16 pixels in either direction is not made
+  /// @param pixel_size  of the image, where it is itself a level of another pyramid [px of that one's level
+  /// 0]
   template <ImageLike I>
-  void build(const I& image, int levels) {
+  void build(const I& image, int levels, const Eigen::Vector2d& pixel_size = Eigen::Vector2d::Ones()) {
     DYNSLAM_ASSERT(levels >= 1, "level 0 is the image");
+    pixel_size_ = pixel_size;
     images_.resize(std::max(images_.size(), static_cast<std::size_t>(levels)));
     Image<T>& base = images_.front();
     base.resize(image.width(), image.height());
@@ -69,9 +72,7 @@ class HalvingPyramid {
 
   [[nodiscard]] int size() const { return levels_; }
   [[nodiscard]] ImageView<const T> image(int i) const { return images_[static_cast<std::size_t>(i)].view(); }
-  [[nodiscard]] Eigen::Vector2d scale(int i) const {
-    return Eigen::Vector2d::Constant(static_cast<double>(1 << i));
-  }
+  [[nodiscard]] Eigen::Vector2d scale(int i) const { return pixel_size_ * static_cast<double>(1 << i); }
 
  private:
   static constexpr int kSmallest = 16;  // pixels: room for a patch and its search
@@ -101,6 +102,7 @@ class HalvingPyramid {
   }
 
   std::vector<Image<T>> images_;
+  Eigen::Vector2d pixel_size_ = Eigen::Vector2d::Ones();
   int levels_ = 0;
 };
 

@@ -16,12 +16,13 @@
 namespace dynslam::runtime {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, bool Additions::*>, 5> kAdditions{{
+constexpr std::array<std::pair<std::string_view, bool Additions::*>, 6> kAdditions{{
     {"surface_weights", &Additions::surface_weights},
     {"motion_prior", &Additions::motion_prior},
     {"strict_local_map", &Additions::strict_local_map},
     {"proven_points", &Additions::proven_points},
     {"second_look", &Additions::second_look},
+    {"image_alignment", &Additions::image_alignment},
 }};
 constexpr std::string_view kAuto = "auto";
 
@@ -143,7 +144,7 @@ class ConfigSetter {
       const auto known = std::find_if(kAdditions.begin(), kAdditions.end(),
                                       [&](const auto& one) { return one.first == name; });
       if (known == kAdditions.end())
-        return "\"auto\" or an array of surface_weights, motion_prior, strict_local_map, proven_points, second_look";
+        return "\"auto\" or an array of surface_weights, motion_prior, strict_local_map, proven_points, second_look, image_alignment";
       additions.*(known->second) = true;
     }
     *out = additions;

@@ -14,7 +14,9 @@ void list(FieldList& f, TrackerOptions& o) {
     "additions to the paper's tracking beside the masks, a list of surface_weights (features count by the "
     "surface that they stand for), motion_prior (the predicted motion counts in the consensus), "
     "strict_local_map (matches of the local map that are far off never enter the optimisation), "
-    "proven_points (points are made on surfaces that have stayed; needs geometric masks); \"auto\": by "
+    "proven_points (points are made on surfaces that have stayed; needs geometric masks), "
+    "second_look (where the map in view does not tell the pose, the last frame enters it whole), "
+    "image_alignment (where too few features lead from the last frame, its grey values do); \"auto\": by "
     "method and mode");
   f.table("features", o.features);
   f.table("depth_noise", o.depth_noise);
@@ -37,6 +39,7 @@ void list(FieldList& f, TrackerOptions& o) {
   f("reference_distance", o.reference_distance, "keyframes",
     "keyframes between the present one and the reference of the geometric masks", kCount);
   f.table("search", o.search);
+  f.table("alignment", o.alignment);
   f.table("geometry", o.geometry);
   f.table("matching", o.matching);
   f.table("pose", o.pose);
@@ -85,6 +88,23 @@ void list(FieldList& f, PoseSearchOptions& o) {
   f("max_turn", o.max_turn, "rad/s", "greatest angular velocity of the camera", kPositive);
   f("longest_delay", o.longest_delay, "s",
     "longest delay of a depth image over which the velocity is trusted", kNotNegative);
+}
+
+void list(FieldList& f, ImageAlignmentOptions<double>& o) {
+  f("rounds", o.rounds, "", "rounds per level, before each of which the residuals' scale is estimated",
+    from(1));
+  f("max_iterations", o.max_iterations, "", "steps per round", from(1));
+  f("tolerance", o.tolerance, "", "relative decrease of the cost that ends a round", kNotNegative);
+  f("nu", o.nu, "", "degrees of freedom of the t-distribution", kPositive);
+  f("min_scale", o.min_scale, "grey values", "smallest scale of the residuals", kPositive);
+  f("min_gradient", o.min_gradient, "grey values/px", "gradient from which a pixel counts", kNotNegative);
+  f("max_pixels", o.max_pixels, "", "pixels per level", from(1));
+  f("min_pixels", o.min_pixels, "", "pixels that it takes on the finest level", from(6));
+  f("min_overlap", o.min_overlap, "", "share of the last frame's pixels that must be in view", kShare);
+  f("outside_deviations", o.outside_deviations, "", "standard deviations that a pixel out of view costs",
+    kNotNegative);
+  f("initial_damping", o.initial_damping, "", "damping of the first step", kPositive);
+  f("min_damping", o.min_damping, "", "smallest damping", kPositive);
 }
 
 void list(FieldList& f, RestingOptions<double>& o) {

@@ -52,6 +52,7 @@ Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
       pose_(camera.model.pinhole(), pose_options(options)),
       points_(camera.model.pinhole(), camera.width, camera.height, point_options(options)),
       geometry_(camera.model, geometry_options(options)),
+      last_view_(options.alignment),
       bundle_(camera.model.pinhole(), options.local_bundle),
       verifier_(camera.model.pinhole(), camera.model, options.depth_noise, options.relocalisation),
       loops_(camera.model.pinhole(), camera.model, options.depth_noise, options.loops) {}
@@ -74,10 +75,11 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.result.state = TrackingState::tracked;
   if (!locate(now) && !(disbelieve_prior(now, MaskVerdict::starved) && locate(now))) {
     now.plain = true;  // what keeps movers out must not lose the camera: without it, at last
-    now.result.state = relocalise(now)                 ? TrackingState::relocalised
-                       : locate(now)                   ? TrackingState::tracked
-                       : (look_again() && locate(now)) ? TrackingState::tracked
-                                                       : TrackingState::lost;
+    now.result.state = relocalise(now)                                      ? TrackingState::relocalised
+                       : locate(now)                                        ? TrackingState::tracked
+                       : (look_again() && locate(now))                      ? TrackingState::tracked
+                       : align_with_last(now, options_.search.weak_inliers) ? TrackingState::tracked
+                                                                            : TrackingState::lost;
   }
   now.done(Stage::local_map);
   if (now.result.state == TrackingState::lost) {
@@ -187,7 +189,8 @@ void Tracker::start_map(Present& now) {
 bool Tracker::locate(Present& now) {
   const int wanted = find_initial_pose(now);
   now.done(Stage::initial_pose);
-  return wanted > 0 && prove_on_local_map(now, wanted);
+  if (wanted > 0 && prove_on_local_map(now, wanted)) return true;
+  return !now.plain && align_with_last(now, options_.search.min_inliers);
 }
 
 int Tracker::find_initial_pose(Present& now) {
@@ -226,6 +229,20 @@ bool Tracker::try_initial_pose(Present& now, const SE3<double>& predicted, float
   now.T_c_w = pose.T_c_w;
   now.result.inliers = pose.inliers;
   return true;
+}
+
+bool Tracker::align_with_last(Present& now, int wanted) {
+  if (!additions_.image_alignment || last_view_.empty() || lost_frames_ >= options_.search.coasting_frames)
+    return false;
+  if (!now.aligned) {
+    const SE3<double> predicted = SE3<double>::exp(velocity_.log() * (lost_frames_ + 1));
+    now.aligned = last_view_.align(now.image->pyramid, camera_.model, predicted);
+  }
+  if (!now.aligned->ok()) return false;
+  now.plain = false;  // from a good start what moves can be told from what stands
+  matcher_.clear(now.frame);
+  now.T_c_w = now.aligned->T_image_reference * last_.T_c_w;
+  return prove_on_local_map(now, wanted);
 }
 
 /// The features' depth at the colour image's time, by the motion that was found instead of the one before it.

@@ -76,6 +76,8 @@ void Tracker::insert_keyframe(Present& now) {
 
 void Tracker::remember_last(Present& now) {
   last_ = std::move(now.frame);
+  if (additions_.image_alignment)
+    last_view_.remember(now.image->pyramid, now.depth, now.result.dynamic_mask, last_moving_);
   if (!additions_.second_look) return;
   const std::vector<cv::Mat>& levels = now.image->pyramid.levels;
   cv::Mat own = last_pyramid_.levels.empty() ? cv::Mat() : last_pyramid_.levels.front();

@@ -5,6 +5,7 @@
 #include <memory>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -26,10 +27,11 @@ struct Tracker::Present {
   std::shared_ptr<const ImageFeatures> image;
   Frame frame;
   SE3<double> T_c_w;
-  bool plain = false;            // located without what the method adds
-  const Masks* prior = nullptr;  // where it is used
-  cv::Mat semantic;              // a-priori mask with its margin; empty: none that is believed
-  cv::Mat moving;                // what the geometry found
+  std::optional<ImageAlignmentResult<double>> aligned;  // with the last frame; empty: not tried
+  bool plain = false;                                   // located without what the method adds
+  const Masks* prior = nullptr;                         // where it is used
+  cv::Mat semantic;  // a-priori mask with its margin; empty: none that is believed
+  cv::Mat moving;    // what the geometry found
   TrackResult result;
   Stopwatch whole, watch;
 

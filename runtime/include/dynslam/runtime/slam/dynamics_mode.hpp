@@ -40,13 +40,14 @@ struct Additions {
   bool proven_points =
       true;  ///< points are made on surfaces that are known to have stayed; needs geometric masks
   bool second_look = true;  ///< where the map in view does not tell the pose, the last frame enters it whole
+  bool image_alignment = true;  ///< where too few features lead from the last frame here, its grey values do
 };
 
 /// What a run of a method and mode takes: nothing with the paper's, and with `none`, which is the baseline.
 [[nodiscard]] constexpr Additions additions(Method method, DynamicsMode mode) {
   const bool full = method == Method::full, geometry = full && uses_geometry(mode);
   const bool masked = full && mode != DynamicsMode::none;
-  return {masked, masked, geometry, geometry, masked};
+  return {masked, masked, geometry, geometry, masked, masked};
 }
 
 }  // namespace dynslam::runtime

@@ -16,6 +16,7 @@
 #include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/slam/feature_extractor.hpp"
+#include "dynslam/runtime/slam/last_view.hpp"
 #include "dynslam/runtime/slam/local_bundle.hpp"
 #include "dynslam/runtime/slam/track_result.hpp"
 #include "dynslam/runtime/slam/tracker_options.hpp"
@@ -74,6 +75,9 @@ class Tracker {
   /// found
   int find_initial_pose(Present& now);
   bool try_initial_pose(Present& now, const SE3<double>& predicted, float radius);
+  /// Finds the pose by the last frame's grey values, where its points do not tell it.
+  /// @return whether `wanted` points of the local map fit it
+  bool align_with_last(Present& now, int wanted);
   void look_up_depth(Present& now);
   /// Matches the local map's points. @return whether `wanted` of them fit one pose
   bool prove_on_local_map(Present& now, int wanted);
@@ -113,6 +117,7 @@ class Tracker {
   MaskedPoseWorkspace masked_pose_;
   PointMaker<double> points_;
   MotionSegmenter<double, decltype(CameraConfig::model)> geometry_;
+  LastView last_view_;  // for align_with_last()
   LocalMap map_;
   LocalBundle bundle_;
   PlaceIndex places_;

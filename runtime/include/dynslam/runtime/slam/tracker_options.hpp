@@ -14,6 +14,7 @@
 #include "dynslam/map/local_matcher.hpp"
 #include "dynslam/map/matched_pose.hpp"
 #include "dynslam/map/point_maker.hpp"
+#include "dynslam/optim/image_alignment.hpp"
 #include "dynslam/runtime/slam/dynamics_mode.hpp"
 #include "dynslam/runtime/slam/feature_extractor.hpp"
 #include "dynslam/runtime/slam/local_bundle.hpp"
@@ -50,6 +51,7 @@ struct TrackerOptions {
   DepthNoise<double> depth_noise{0.004, 0.008};
   int initial_features = 100;  ///< with depth, to start a map
   PoseSearchOptions search;
+  ImageAlignmentOptions<double> alignment;  ///< with the last frame, where features are too few
   LocalMatchOptions<double> matching;
   MatchedPoseOptions<double> pose;
   PointMakerOptions<double> points;
