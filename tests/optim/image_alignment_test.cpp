@@ -153,6 +153,18 @@ TEST_CASE("depth of half the size serves as well") {
   CHECK(pair.error(found.T_image_reference) < 0.2);
 }
 
+TEST_CASE("a level without gradients is passed over: the coarser ones serve") {
+  const Pair<double> pair(test::moved(0.03, -0.02, 0.04, 0.10), Eigen::Vector2d::Zero());
+  ImageAlignmentOptions<double> options;
+  const auto all = pair.align({}, options);
+  options.min_gradient = 14;
+  const auto coarse = pair.align({}, options);
+  REQUIRE(all.ok());
+  REQUIRE(coarse.ok());
+  CHECK(coarse.pixels < all.pixels / 2);
+  CHECK(pair.error(coarse.T_image_reference) < 1);
+}
+
 TEST_CASE_TEMPLATE("without depth, without texture and without overlap nothing is claimed", S, float,
                    double) {
   const SE3<double> start = test::moved(0.01, 0, 0, 0.02);

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <concepts>
 #include <cstddef>
@@ -36,7 +37,7 @@ struct ImageAlignmentOptions {
   S min_scale = S(2);           ///< of the residuals [grey values]: noise, and what interpolation blurs
   S min_gradient = S(5);        ///< a pixel with less tells nothing [grey values per pixel of the level]
   int max_pixels = 3000;        ///< per level, spread over it: more cost time and tell little
-  int min_pixels = 60;          ///< fewer on a level: it is passed over; on the finest, too_few_pixels
+  int min_pixels = 60;          ///< fewer on a level: it is passed over
   S min_overlap = S(0.4);       ///< share of the reference's pixels that must be seen in the image
   S outside_deviations = S(3);  ///< a pixel outside costs as one that deviates so much, so that turning away
                                 ///< from what does not fit is no way out
@@ -46,8 +47,8 @@ struct ImageAlignmentOptions {
 /// How align_images() ended.
 enum class ImageAlignmentStatus : std::uint8_t {
   converged,
-  max_iterations,  ///< the finest level still moved when its iterations ended; the pose is usable
-  too_few_pixels,  ///< with depth and a gradient, on the finest level
+  max_iterations,  ///< the finest level used still moved when its iterations ended; the pose is usable
+  too_few_pixels,  ///< with depth and a gradient, on each level
   little_overlap   ///< less than min_overlap of them, or fewer than min_pixels, are seen in the image
 };
 
@@ -57,7 +58,7 @@ struct ImageAlignmentResult {
   SE3<S> T_image_reference;  ///< reference camera to the image's; the first start value on failure
   S brightness = S(0);       ///< how much brighter the image is [grey values]
   S scale = S(0);            ///< of the residuals on the finest level [grey values]
-  int pixels = 0;            ///< compared on the finest level
+  int pixels = 0;            ///< compared on the finest level that has enough
   S overlap = S(0);          ///< share of the reference's that they are
   int iterations = 0;        ///< on all levels
   ImageAlignmentStatus status = ImageAlignmentStatus::too_few_pixels;
@@ -234,11 +235,18 @@ void take_pixels(const P& reference, const D& depth, int level, const Camera& ca
     if (!p) return;
     Eigen::Matrix<S, 2, 3> dx;
     if (!camera.project(*p, &dx)) return;
-    const Eigen::Matrix<S, 1, 3> by_place = g.cwiseQuotient(size.transpose()) * dx;
+    // Component by component: g++ 12 sees packets of four floats in rows of three and warns.
     AlignedPixel<S> pixel;
     pixel.p = *p;
     pixel.grey = grey;
-    pixel.J << by_place, p->cross(by_place.transpose()).transpose();
+    std::array<S, 3> a;
+    for (int i = 0; i < 3; ++i) {
+      a[static_cast<std::size_t>(i)] = g(0) / size.x() * dx(0, i) + g(1) / size.y() * dx(1, i);
+      pixel.J(i) = a[static_cast<std::size_t>(i)];
+    }
+    pixel.J(3) = p->y() * a[2] - p->z() * a[1];
+    pixel.J(4) = p->z() * a[0] - p->x() * a[2];
+    pixel.J(5) = p->x() * a[1] - p->y() * a[0];
     out.push_back(pixel);
   });
 }
@@ -288,10 +296,11 @@ template <std::floating_point S, ImagePyramidLike P, DepthImage D, ImagePyramidL
   ImageAlignmentResult<S> result;
   result.T_image_reference = starts.front();
   std::optional<detail::AlignedMotion<S>> motion;
+  std::size_t wanted = 0;  // pixels of the finest level that has enough
   for (int level = reference.size() - 1; level >= 0; --level) {
     detail::take_pixels(reference, depth, level, camera, options, ws.pixels);
-    result.pixels = 0;
     if (static_cast<int>(ws.pixels.size()) < options.min_pixels) continue;
+    wanted = ws.pixels.size();
     const auto& present = image.image(level);
     detail::ImageAlignmentProblem<S, Camera, std::remove_cvref_t<decltype(present)>> problem(
         camera, present, image.scale(level), options, ws);
@@ -300,10 +309,10 @@ template <std::floating_point S, ImagePyramidLike P, DepthImage D, ImagePyramidL
     } else {
       motion = detail::best_of<S>(problem, starts, result);
     }
-    if (motion) result.pixels = problem.seen(*motion);
+    result.pixels = motion ? problem.seen(*motion) : 0;
   }
-  result.overlap = static_cast<S>(result.pixels) / static_cast<S>(std::max<std::size_t>(1, ws.pixels.size()));
-  if (static_cast<int>(ws.pixels.size()) < options.min_pixels) {
+  if (wanted > 0) result.overlap = static_cast<S>(result.pixels) / static_cast<S>(wanted);
+  if (wanted == 0) {
     result.status = ImageAlignmentStatus::too_few_pixels;
   } else if (result.pixels < options.min_pixels || result.overlap < options.min_overlap) {
     result.status = ImageAlignmentStatus::little_overlap;

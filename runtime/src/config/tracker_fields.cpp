@@ -99,7 +99,7 @@ void list(FieldList& f, ImageAlignmentOptions<double>& o) {
   f("min_scale", o.min_scale, "grey values", "smallest scale of the residuals", kPositive);
   f("min_gradient", o.min_gradient, "grey values/px", "gradient from which a pixel counts", kNotNegative);
   f("max_pixels", o.max_pixels, "", "pixels per level", from(1));
-  f("min_pixels", o.min_pixels, "", "pixels that it takes on the finest level", from(6));
+  f("min_pixels", o.min_pixels, "", "pixels that a level needs", from(6));
   f("min_overlap", o.min_overlap, "", "share of the last frame's pixels that must be in view", kShare);
   f("outside_deviations", o.outside_deviations, "", "standard deviations that a pixel out of view costs",
     kNotNegative);
