@@ -226,9 +226,9 @@ void take_pixels(const P& reference, const D& depth, int level, const Camera& ca
   int found = 0;
   each([&](auto&&...) { ++found; });
   const int stride = std::max(1, (found + options.max_pixels - 1) / std::max(1, options.max_pixels));
-  int i = 0;
+  int visited = 0;
   each([&](int u, int v, const Eigen::Matrix<S, 1, 2>& g, S z, S grey) {
-    if (i++ % stride != 0) return;
+    if (visited++ % stride != 0) return;
     const Eigen::Matrix<S, 2, 1> x((static_cast<S>(u) + S(0.5)) * size.x() - S(0.5),
                                    (static_cast<S>(v) + S(0.5)) * size.y() - S(0.5));
     const auto p = camera.unproject(x, z);
