@@ -24,6 +24,10 @@ void list(FieldList& f, TrackerOptions& o) {
   f("semantic_dilation", o.semantic_dilation, "px", "margin added around a-priori masks", between(0, 500));
   f("feature_margin", o.feature_margin, "px", "margin around the fused mask in which features are not used",
     between(0, 500));
+  f("vanished_piece", o.vanished_piece, "",
+    "width of a piece of the last frame's mask that is gone, as a share of the image's, in which no points "
+    "are made",
+    kShare);
   f("bundle", o.bundle, "", "adjust the newest keyframes and their points (bundle adjustment)");
   f("bundle_delay", o.bundle_delay, "frames",
     "frames after which the adjustment's result is waited for and used", from(1));

@@ -364,14 +364,18 @@ void Tracker::pose_without_movers(Present& now) {
 }
 
 /// A mask may break down for a frame. A keyframe of just then would take the mover for the room, as points
-/// and as reference, and the mask would not come back: what was on the last frame's mask makes neither.
+/// and as reference, and the mask would not come back: where a whole piece of the last frame's mask is gone,
+/// it makes neither. What a mover uncovers along its rim is the room, and welcome.
 void Tracker::doubt_recent_movers(Present& now) {
   Frame& frame = now.frame;
   if (options_.method == Method::full && !last_moving_.empty()) {
-    recent_flags_.assign(frame.features.size(), 0);
-    flag(frame, last_moving_, recent_flags_);
-    for (std::size_t i = 0; i < recent_flags_.size(); ++i) {
-      if (recent_flags_[i] != 0 && frame.point[i] < 0) frame.dynamic[i] = 1;
+    const cv::Mat gone = pieces(last_moving_ & ~now.moving, options_.vanished_piece);
+    if (!gone.empty()) {
+      recent_flags_.assign(frame.features.size(), 0);
+      flag(frame, last_moving_, recent_flags_);
+      for (std::size_t i = 0; i < recent_flags_.size(); ++i) {
+        if (recent_flags_[i] != 0 && frame.point[i] < 0) frame.dynamic[i] = 1;
+      }
     }
   }
   now.moving.copyTo(last_moving_);

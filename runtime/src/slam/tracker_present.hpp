@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <opencv2/core.hpp>
@@ -47,6 +49,17 @@ inline cv::Mat widened(const cv::Mat& mask, int margin) {
   const int size = 2 * margin + 1;
   cv::Mat result;
   cv::dilate(mask, result, cv::getStructuringElement(cv::MORPH_RECT, {size, size}));
+  return result;
+}
+
+/// What of a mask is wider than a share of the image's width; empty: nothing. Found at a quarter of the size.
+inline cv::Mat pieces(const cv::Mat& mask, double share) {
+  cv::Mat small;
+  cv::resize(mask, small, {}, 0.25, 0.25, cv::INTER_NEAREST);
+  const int width = std::max(1, static_cast<int>(std::lround(share * small.cols)));
+  cv::morphologyEx(small, small, cv::MORPH_OPEN, cv::getStructuringElement(cv::MORPH_RECT, {width, width}));
+  cv::Mat result;
+  if (cv::countNonZero(small) > 0) cv::resize(small, result, mask.size(), 0, 0, cv::INTER_NEAREST);
   return result;
 }
 

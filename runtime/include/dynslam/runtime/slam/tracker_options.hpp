@@ -59,10 +59,12 @@ struct TrackerOptions {
   CoverageOptions<double> coverage;  ///< when a keyframe of the map serves instead of a new one
   RestingOptions<double> resting;
   MaskArbitrationOptions<double> arbitration;
-  int semantic_dilation = 9;  ///< pixels added around a-priori masks
-  int feature_margin = 6;     ///< pixels around the fused mask in which features are not used
-  bool bundle = true;         ///< adjust the newest keyframes and their points
-  int bundle_delay = 4;       ///< frames after which the adjustment's result is waited for and used
+  int semantic_dilation = 9;     ///< pixels added around a-priori masks
+  double vanished_piece = 0.04;  ///< of the last frame's mask that is gone, as a share of the image's width,
+                                 ///< in which no points are made
+  int feature_margin = 6;  ///< pixels around the fused mask in which features are not used
+  bool bundle = true;      ///< adjust the newest keyframes and their points
+  int bundle_delay = 4;    ///< frames after which the adjustment's result is waited for and used
   LocalBundleOptions local_bundle;
   bool close_loops = true;
   int loop_bundle_window = 60;  ///< keyframes adjusted after a loop
