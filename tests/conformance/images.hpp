@@ -15,6 +15,7 @@
 #include "cameras.hpp"
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/dynamics/depth_grid.hpp"
+#include "dynslam/dynamics/free_space.hpp"
 #include "dynslam/dynamics/resting.hpp"
 #include "dynslam/features/corners.hpp"
 #include "dynslam/features/feature.hpp"
@@ -144,8 +145,9 @@ void growing_of(const ImageSet<S>& set, Record<double>& out) {
   grow("smooth", smooth);
   for (int u = 46; u < 56; ++u) Kind::out(seed)(u, 45) = Kind::out(seed)(u, 46) = 1;
   MaskGrowingWorkspace growing;
-  const auto result = grow_mask(Kind::in(depth), Kind::out(seed), Kind::out(barrier), Kind::out(age),
-                                Kind::out(grown), MaskGrowingOptions{}, growing);
+  const auto result = grow_mask(Kind::in(depth), Kind::in(barrier), Kind::out(seed), Kind::out(barrier),
+                                Kind::out(age), Kind::out(grown), MaskGrowingOptions{}, growing);
+  out.put("beside_nearer", beside_nearer(Kind::in(depth), 30, 30, 4, FreeSpaceMargins<S>{}) ? 1 : 0);
   out.put("grow_mask.seeds", result.seeds);
   put_image(out, "grow_mask", Kind::in(grown));
   complete_surfaces(Kind::in(depth), Kind::out(grown), step, 0.3, 1, growing.growing);

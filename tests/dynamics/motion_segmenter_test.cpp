@@ -8,6 +8,7 @@
 
 #include "dynslam/geometry/brown_conrady.hpp"
 #include "dynslam/geometry/pinhole.hpp"
+#include "dynslam/segment/mask.hpp"
 #include "equidistant_camera.hpp"
 #include "moving_scene.hpp"
 
@@ -244,4 +245,42 @@ TEST_CASE_TEMPLATE("a board that slides in its plane from the first frame on is 
   // Where it has no texture, what stands on the same surface speaks for it.
   CHECK(found(usual.territory, kNever, true) < 0.7);
   CHECK(found(usual.territory, usual.body_share, true) > 0.85);
+}
+
+TEST_CASE_TEMPLATE("the rim of a board makes no mover of the wall behind it", S, float, double) {
+  // Depth cameras see edges some pixels beside those of the grey image: texture of the board lies on the
+  // wall.
+  const Pinhole<S> camera{S(230), S(230), S(119.5), S(89.5)};
+  const auto of_the_wall = [&](double rim) {
+    MotionSegmenterOptions<S> options;
+    options.keypoint_seeds.rim = rim;
+    MotionSegmenter<S, Pinhole<S>> segmenter(camera, options);
+    SceneRenderer<Pinhole<S>> view(camera, kWidth, kHeight);
+    MovingScene scene;
+    double worst = 0;
+    for (int k = 0; k < 12; ++k) {
+      view.render(scene, camera_at(k));
+      Image<std::uint8_t> inside(kWidth, kHeight), around(kWidth, kHeight);
+      MaskWorkspace workspace;
+      erode(view.moving.view(), inside.view(), 3, workspace);
+      dilate(view.moving.view(), around.view(), 3, workspace);
+      for (int v = 0; v < kHeight; ++v) {
+        for (int u = 0; u < kWidth; ++u) {
+          if (view.moving(u, v) != 0 && inside(u, v) == 0) view.depth(u, v) = 3;
+        }
+      }
+      const SE3<S> T_c_w = camera_at(k).inverse().template cast<S>();
+      const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), T_c_w);
+      int wrong = 0;
+      for (int v = 0; v < kHeight; ++v) {
+        for (int u = 0; u < kWidth; ++u) wrong += motion.mask(u, v) != 0 && around(u, v) == 0 ? 1 : 0;
+      }
+      worst = std::max(worst, static_cast<double>(wrong) / (kWidth * kHeight));
+      segmenter.remember(T_c_w, motion.mask);
+      scene.board.x() += 0.012;
+    }
+    return worst;
+  };
+  CHECK(of_the_wall(0) > 0.005);
+  CHECK(of_the_wall(KeypointSeedOptions().rim) < 0.001);
 }

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <concepts>
 #include <cstdint>
 
+#include "dynslam/concepts/image.hpp"
 #include "dynslam/image/depth.hpp"
 
 namespace dynslam {
@@ -36,6 +38,22 @@ template <std::floating_point S>
   if (nearest - z > margins.violation_base + margins.violation_quad * z2) return DepthEvidence::violation;
   const S m = margins.consistent_base + margins.consistent_quad * z2;
   return z > nearest - m && z < farthest + m ? DepthEvidence::consistent : DepthEvidence::unknown;
+}
+
+/// Whether something nearer stands within `reach` pixels of one: a patch there may show its rim.
+template <DepthImage D>
+[[nodiscard]] bool beside_nearer(const D& depth, int u, int v, int reach,
+                                 const FreeSpaceMargins<typename D::Pixel>& margins) {
+  using Depth = typename D::Pixel;
+  const Depth z = depth(u, v);
+  for (int y = std::max(0, v - reach); y <= std::min(depth.height() - 1, v + reach); ++y) {
+    for (int x = std::max(0, u - reach); x <= std::min(depth.width() - 1, u + reach); ++x) {
+      const Depth near = depth(x, y);
+      if (is_valid_depth(near) && free_space_evidence(near, z, z, margins) == DepthEvidence::violation)
+        return true;
+    }
+  }
+  return false;
 }
 
 }  // namespace dynslam

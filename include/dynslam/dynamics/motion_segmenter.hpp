@@ -14,6 +14,7 @@
 #include "dynslam/concepts/camera.hpp"
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/dynamics/depth_grid.hpp"
+#include "dynslam/dynamics/free_space.hpp"
 #include "dynslam/dynamics/free_space_history.hpp"
 #include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/method.hpp"
@@ -51,7 +52,8 @@ class MotionSegmenter {
 
   explicit MotionSegmenter(const Camera& camera, const Options& options = {})
       : camera_(camera), options_(options), history_(options.free_space) {
-    if (options_.method == Method::paper) options_.growing.whole = 2;  // an addition to the paper's step 9
+    // Additions to the paper's step 9.
+    if (options_.method == Method::paper) options_.growing.whole = options_.growing.still = 2;
   }
 
   [[nodiscard]] const Options& options() const { return options_; }
@@ -93,8 +95,8 @@ class MotionSegmenter {
     if (options_.method == Method::full) add_bodies(depth, T_c_w);
     on_stage(MotionStage::free_space);
     const MaskGrowingResult grown =
-        grow_mask(depth_.view(), verdicts_.seed.view(), verdicts_.barrier.view(), verdicts_.age.view(),
-                  cell_mask_.view(), options_.growing, growing_);
+        grow_mask(depth_.view(), state_.view(), verdicts_.seed.view(), verdicts_.barrier.view(),
+                  verdicts_.age.view(), cell_mask_.view(), options_.growing, growing_);
     if (bodies_ > 0) complete_bodies();
     motion_.verified = verdicts_.verified;
     motion_.seeds = grown.seeds;
@@ -243,6 +245,7 @@ class MotionSegmenter {
 
   void add_keypoint_seeds() {
     const S radius = S(options_.keypoint_seeds.radius * grid_.image_width());
+    const int rim = static_cast<int>(std::lround(options_.keypoint_seeds.rim * grid_.width()));
     const int w = grid_.width(), h = grid_.height();
     sites_.clear();
     site_match_.clear();
@@ -262,8 +265,10 @@ class MotionSegmenter {
         ++(other.dynamic ? near : near_static);
       }
       if (near < near_static) continue;
-      sites_.push_back({i, j, true});
-      site_match_.push_back(judged_[k]);
+      if (!beside_nearer(depth_, i, j, rim, options_.free_space.margins)) {
+        sites_.push_back({i, j, true});
+        site_match_.push_back(judged_[k]);
+      }
       if (near < options_.keypoint_seeds.support) continue;
       for (int y = std::max(0, j - 1); y <= std::min(h - 1, j + 1); ++y) {
         for (int x = std::max(0, i - 1); x <= std::min(w - 1, i + 1); ++x) {
@@ -339,10 +344,8 @@ class MotionSegmenter {
   }
 
   [[nodiscard]] bool wants_reference() const {
-    const OwnReferenceOptions& own = options_.own_reference;
-    return reference_.empty() ||
-           static_cast<double>(reference_age_) >= own.max_age * options_.free_space.frame_rate ||
-           reference_worn();
+    const double max_age = options_.own_reference.max_age * options_.free_space.frame_rate;  // frames
+    return reference_.empty() || reference_age_ >= max_age || reference_worn();
   }
 
   void take_reference(const SE3<S>& T_c_w) {

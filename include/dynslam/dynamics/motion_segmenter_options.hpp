@@ -25,6 +25,9 @@ struct KeypointSeedOptions {
   /// `territory` of it over that surface, as a share of the image's width. An addition to the paper; 0:
   /// never.
   double territory = 0.05;
+  /// How near to something nearer, as a share of the image's width, a keypoint's patch may show the other's
+  /// rim, which moves then, so that it does not count for a body here.
+  double rim = 1 / 80.0;
   int body = 15;
   double agreeing = 0.8;
   /// Share of a connected surface from which on all of it is the body that stands on it, where moving

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -27,6 +28,8 @@ struct MaskGrowingOptions {
   int max_hole = 600;         ///< larger holes in a mask stay open
   double max_fraction = 0.9;  ///< share of the valid depth beyond which a region has leaked
   double whole = 0.6;         ///< share of a connected surface from which on all of it moves; above 1: never
+  double was = 0.8;           ///< share of a surface on the last mask from which on it was a mover
+  double still = 0.3;         ///< and from which on, as `whole`, it is one still
   RelativeStep<float> step{0.03F, 0.010F};  ///< between neighbouring pixels [m, 1/m]: the sensor's noise
 };
 
@@ -42,8 +45,48 @@ struct MaskGrowingWorkspace {
   MaskWorkspace morphology;
   Image<std::uint8_t> zone;
   std::vector<PixelIndex> seeds;
-  std::vector<std::uint8_t> region_age;
 };
+
+namespace detail {
+/// Makes what of the mask is no seed as old as the evidence on its surface: as its newest quarter, since one
+/// false seed must not keep a surface young. What is on no seed's surface is past every age but the one that
+/// says never.
+template <class D, class Seed, class Age, class Mask, class Step>
+void spread_ages(const D& depth, const Seed& seed, Age&& age, const Mask& mask, const Step& step,
+                 MaskGrowingWorkspace& ws) {
+  constexpr std::uint8_t kOldest = 254;
+  for (int v = 0; v < depth.height(); ++v) {
+    for (int u = 0; u < depth.width(); ++u) {
+      ws.zone(u, v) = mask(u, v) == 0 ? 1 : 0;
+      if (mask(u, v) != 0 && seed(u, v) == 0) age(u, v) = kOldest;
+    }
+  }
+  const auto outside = ws.zone.view();
+  GrowingField field(depth, outside, step, ws.growing.words);
+  for (const PixelIndex& s : ws.seeds) {
+    if (!field.open(s.u, s.v)) continue;
+    std::vector<PixelRun>& runs = ws.growing.runs;
+    runs.clear();
+    (void)field.template take_region<Connectivity::four>(s.u, s.v, runs);
+    std::array<int, 256> seeds{};  // by age
+    int n = 0;
+    for (const PixelRun& run : runs) {
+      for (int u = run.begin; u < run.end; ++u) {
+        if (seed(u, run.v) == 0) continue;
+        ++seeds[static_cast<std::uint8_t>(age(u, run.v))];
+        ++n;
+      }
+    }
+    std::uint8_t newest = 0;
+    for (int younger = seeds[0]; 4 * younger < n && newest < kOldest; younger += seeds[newest]) ++newest;
+    for (const PixelRun& run : runs) {
+      for (int u = run.begin; u < run.end; ++u) {
+        if (seed(u, run.v) == 0) age(u, run.v) = newest;
+      }
+    }
+  }
+}
+}  // namespace detail
 
 /// Completes objects around what was seen to move (paper, step 9): seeds -> regions -> surfaces completed ->
 /// holes filled -> ages.
@@ -52,16 +95,19 @@ struct MaskGrowingWorkspace {
 /// `reach` of fresh evidence (a seed of age 0). A hole in a mover is the mover: its inside overlaps where it
 /// was before and looks at rest.
 /// @param depth    [m], invalid = NaN or <= 0
+/// @param last     nonzero where the image before was masked; 0 x 0: nobody knows
 /// @param seed     in: nonzero where motion was seen; out: small groups cleared
 /// @param barrier  in: nonzero where growing must not enter; out: with what is out of reach
 /// Images are of any type, of the depth's size; those that are written are given as references or views.
 /// @param age      in: frames since direct evidence; out: pixels that only the growing reached are as old as
-///                 the newest evidence of their region, without which a mask would feed on itself
+///                 the newest quarter of the evidence on their surface, without which a mask would feed on
+///                 itself: what is seen past a mover, and was taken for it once, must not stay young by its
+///                 side
 /// @param mask     out: 255 in regions, else 0
-template <DepthImage D, OutputLabelImage Seed, OutputLabelImage Barrier, OutputLabelImage Age,
-          OutputLabelImage Mask>
-MaskGrowingResult grow_mask(const D& depth, Seed&& seed, Barrier&& barrier, Age&& age, Mask&& mask,
-                            const MaskGrowingOptions& options, MaskGrowingWorkspace& ws) {
+template <DepthImage D, LabelImage Last, OutputLabelImage Seed, OutputLabelImage Barrier,
+          OutputLabelImage Age, OutputLabelImage Mask>
+MaskGrowingResult grow_mask(const D& depth, const Last& last, Seed&& seed, Barrier&& barrier, Age&& age,
+                            Mask&& mask, const MaskGrowingOptions& options, MaskGrowingWorkspace& ws) {
   const int w = depth.width(), h = depth.height();
   DYNSLAM_ASSERT(
       same_size(depth, seed) && same_size(depth, barrier) && same_size(depth, age) && same_size(depth, mask),
@@ -96,27 +142,21 @@ MaskGrowingResult grow_mask(const D& depth, Seed&& seed, Barrier&& barrier, Age&
   const auto grown =
       grow_regions(depth, barrier, std::span<const PixelIndex>(ws.seeds), step, growing, mask, ws.growing);
   result.regions_leaked = grown.regions_leaked + grown.regions_excess;
-  complete_surfaces(depth, mask, step, options.whole, options.max_fraction, ws.growing);
+  const auto share = [&](std::span<const PixelRun> runs) {
+    if (!same_size(depth, last)) return options.whole;
+    std::size_t size = 0, was = 0;
+    for (const PixelRun& run : runs) {
+      size += static_cast<std::size_t>(run.end - run.begin);
+      for (int u = run.begin; u < run.end; ++u) was += last(u, run.v) != 0 ? 1 : 0;
+    }
+    return static_cast<double>(was) < options.was * static_cast<double>(size) ? options.whole : options.still;
+  };
+  if (std::min(options.whole, options.still) <= 1)
+    complete_surfaces(depth, mask, step, share, options.max_fraction, ws.growing);
   // What touches the outside at a corner is not counted as inside: it more often is what is seen past a
   // mover.
   fill_holes(mask, options.max_hole, Connectivity::eight, ws.morphology);
-
-  constexpr std::uint8_t kNever = 255;
-  const int n = connected_components(mask, ws.morphology.labels, ws.morphology.counts, ws.morphology);
-  ws.region_age.assign(static_cast<std::size_t>(n) + 1, kNever);
-  const auto label = [&](int u, int v) { return static_cast<std::size_t>(ws.morphology.labels(u, v)); };
-  for (int v = 0; v < h; ++v) {
-    for (int u = 0; u < w; ++u) {
-      if (label(u, v) == 0 || seed(u, v) == 0) continue;
-      std::uint8_t& youngest = ws.region_age[label(u, v)];
-      youngest = std::min(youngest, static_cast<std::uint8_t>(age(u, v)));
-    }
-  }
-  for (int v = 0; v < h; ++v) {
-    for (int u = 0; u < w; ++u) {
-      if (label(u, v) != 0 && seed(u, v) == 0) age(u, v) = ws.region_age[label(u, v)];
-    }
-  }
+  detail::spread_ages(depth, seed, age, mask, step, ws);
   return result;
 }
 

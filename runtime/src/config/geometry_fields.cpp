@@ -72,6 +72,10 @@ void list(FieldList& f, KeypointSeedOptions& o) {
   f("support", o.support, "keypoints", "dynamic keypoints that must be there, itself included", from(1));
   f("territory", o.territory, "image widths",
     "how far over its surface a dynamic keypoint speaks against the depth check; 0: never", kShare);
+  f("rim", o.rim, "",
+    "distance to something nearer, as a share of the image's width, within which a keypoint counts for no "
+    "body",
+    kShare);
   f("body", o.body, "keypoints", "dynamic keypoints that must stand on one surface for that", from(3));
   f("agreeing", o.agreeing, "", "share of them that must have one motion", kShare);
   f("body_share", o.body_share, "",
@@ -131,6 +135,9 @@ void list(FieldList& f, MaskGrowingOptions& o) {
   f("max_fraction", o.max_fraction, "", "share of the valid depth above which a region has leaked", kShare);
   f("whole", o.whole, "", "share of a connected surface from which on all of it moves; above 1: never",
     between(0, 2));
+  f("still", o.still, "", "the same of one that was on the last mask for the share `was`; above 1: never",
+    between(0, 2));
+  f("was", o.was, "", "share of a surface on the last mask from which `still` counts", kShare);
   f.table("step", o.step);
 }
 
