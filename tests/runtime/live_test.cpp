@@ -228,7 +228,8 @@ TEST_CASE("what a function throws, and what the map meets, reaches the camera's 
     };
     CHECK_THROWS_WITH_AS(all(), "the network socket is gone", std::runtime_error);
     CHECK_THROWS_WITH_AS(live.finish(), "the network socket is gone", std::runtime_error);
-    CHECK_THROWS_WITH_AS(push(live, kLiveFrames - 1), "the network socket is gone", std::runtime_error);
+    // Whatever is wrong with a frame: this one is as old as the first.
+    CHECK_THROWS_WITH_AS(push(live, 0), "the network socket is gone", std::runtime_error);
     CHECK(live.slam().trajectory().size() == 4);
     CHECK(live.slam().whole());
   }

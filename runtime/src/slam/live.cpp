@@ -123,6 +123,12 @@ struct LiveSlam::State {
     check_argument(in_slam.load() != std::this_thread::get_id(), message);
   }
 
+  /// Throws what ended the tracking.
+  void check_not_failed() {
+    const std::lock_guard lock(mutex);
+    if (failure) std::rethrow_exception(failure);
+  }
+
   void push(Item item) {
     item.pushed_at = clock();
     {
@@ -251,6 +257,7 @@ void LiveSlam::push(const cv::Mat& image, const cv::Mat& depth, std::chrono::nan
 void LiveSlam::push_images(const cv::Mat& image, const cv::Mat& depth, const TimeStamp& time,
                            double depth_delay) {
   const std::lock_guard one(state_->pushing);
+  state_->check_not_failed();  // before what is wrong with a frame that nobody will see
   check_images(image, depth, time.t, state_->camera);
   State::Item item;
   item.frame.t = time.t;
@@ -264,6 +271,7 @@ void LiveSlam::push_images(const cv::Mat& image, const cv::Mat& depth, const Tim
 
 void LiveSlam::push(const RgbdFrame& frame, const std::optional<Masks>& prior) {
   const std::lock_guard one(state_->pushing);
+  state_->check_not_failed();
   check_input(frame, prior, state_->camera, state_->last_t);
   State::Item item;
   item.frame = frame;
