@@ -229,9 +229,8 @@ void take_pixels(const P& reference, const D& depth, int level, const Camera& ca
   int visited = 0;
   each([&](int u, int v, const Eigen::Matrix<S, 1, 2>& g, S z, S grey) {
     if (visited++ % stride != 0) return;
-    const Eigen::Matrix<S, 2, 1> x((static_cast<S>(u) + S(0.5)) * size.x() - S(0.5),
-                                   (static_cast<S>(v) + S(0.5)) * size.y() - S(0.5));
-    const auto p = camera.unproject(x, z);
+    const Eigen::Matrix<S, 2, 1> at(static_cast<S>(u), static_cast<S>(v));
+    const auto p = camera.unproject(to_base<S>(reference, at, level), z);
     if (!p) return;
     Eigen::Matrix<S, 2, 3> dx;
     if (!camera.project(*p, &dx)) return;

@@ -25,7 +25,6 @@ namespace dynslam {
 struct MaskWorkspace {
   std::vector<std::uint64_t> line, rows, next_rows;  ///< a bit per pixel
   ComponentsWorkspace components;
-  Image<int> labels;
   std::vector<int> counts;
 };
 
