@@ -26,6 +26,14 @@ function(dynslam_test_settings target)
   target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
 endfunction()
 
+# Where DYNSLAM_PRECOMPILE asks for it, TARGET's sources begin with HEADERS (as <Eigen/Dense>), which the compiler reads
+# once then. A source still includes all that it uses: builds without this are the rule.
+function(dynslam_precompile target)
+  if(DYNSLAM_PRECOMPILE)
+    target_precompile_headers(${target} PRIVATE ${ARGN})
+  endif()
+endfunction()
+
 # Settings of benchmarks, and after those of tests of examples.
 function(dynslam_bench_settings target)
   dynslam_warnings(${target})

@@ -33,7 +33,7 @@ done
 
 if [ -n "$build" ]; then
   mkdir -p build/release
-  cmake --preset release -D DYNSLAM_BUILD_BENCHMARKS=ON > build/release/configure.log 2>&1 ||
+  cmake --preset release -D DYNSLAM_BUILD_BENCHMARKS=ON -D DYNSLAM_BENCH_FLAGS= > build/release/configure.log 2>&1 ||
     { cat build/release/configure.log; exit 1; }
   targets=()
   for source in bench/*/*_bench.cpp; do

@@ -10,10 +10,12 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 scripts/install-deps.sh app
 
-export CCACHE_DEPEND=${CCACHE_DEPEND:-1}  # as scripts/test.sh, so that one finds what the other compiled
+# As scripts/test.sh, so that one finds what the other compiled.
+export CCACHE_DEPEND=${CCACHE_DEPEND:-1}
+export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros}
 mkdir -p build/release results
 cmake --preset release -D DYNSLAM_BUILD_TESTS=OFF -D DYNSLAM_BUILD_BENCHMARKS=OFF -D DYNSLAM_BUILD_EXAMPLES=OFF \
-  -D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=8 > build/release/configure.log 2>&1 || {
+  -D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=8 -D DYNSLAM_PRECOMPILE=ON > build/release/configure.log 2>&1 || {
   cat build/release/configure.log
   exit 1
 }

@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# Builds with g++ and clang, warnings as errors, and runs every test; then the tests again under the address
-# and undefined behaviour sanitizers. Ends with one line that says what passed.
+# Builds everything with g++, warnings as errors, and runs every test; then the core, the tests of it and of the
+# runtime's parts with clang, and those tests again under the address and undefined behaviour sanitizers. Ends with one
+# line that says what passed. (Whole runs under sanitizers: CONTRIBUTING.md.)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -15,32 +16,32 @@ export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros}
 
 step() { printf '\n=== %s (%d s so far)\n' "$*" "$SECONDS"; }
 
-# One preset: configure, build, test; tests that compute little are optimised as $2 says, and benchmarks and examples
-# are built if $3 says ON. Keeps the last lines of ctest for the summary. Sources are compiled several as one
-# (CMAKE_UNITY_BUILD), which takes less than half the time of compiling them one by one.
+# One preset: configure, build $2, test; what computes little is optimised as $3 says, and the further arguments are
+# CMake's. Keeps the last lines of ctest for the summary. Sources are compiled several as one (CMAKE_UNITY_BUILD), which
+# takes less than half the time of compiling them one by one, and with precompiled headers.
 check() {
-  local preset=$1 tests=$2 beside=$3
+  local preset=$1 target=$2 optimization=$3
+  shift 3
   step "$preset: configure"
   mkdir -p "build/$preset"
-  cmake --preset "$preset" -D DYNSLAM_WERROR=ON -D DYNSLAM_BUILD_TESTS=ON -D DYNSLAM_BUILD_BENCHMARKS="$beside" \
-    -D DYNSLAM_BUILD_EXAMPLES="$beside" -D CMAKE_UNITY_BUILD=ON -D CMAKE_UNITY_BUILD_BATCH_SIZE=8 \
-    -D DYNSLAM_TEST_OPTIMIZATION="$tests" \
+  cmake --preset "$preset" -D DYNSLAM_WERROR=ON -D DYNSLAM_BUILD_TESTS=ON -D CMAKE_UNITY_BUILD=ON \
+    -D CMAKE_UNITY_BUILD_BATCH_SIZE=8 -D DYNSLAM_PRECOMPILE=ON -D DYNSLAM_TEST_OPTIMIZATION="$optimization" "$@" \
     > "build/$preset/configure.log" 2>&1 || {
     cat "build/$preset/configure.log"
     exit 1
   }
   step "$preset: build"
-  cmake --build --preset "$preset" -j "$jobs"
+  cmake --build --preset "$preset" --target "$target" -j "$jobs"
   step "$preset: test"
   ctest --preset "$preset" -j "$jobs" 2>&1 | tee "build/$preset/ctest.log"
   summary+=("$preset: $(grep 'tests passed' "build/$preset/ctest.log")")
 }
 
 summary=()
-check release -O1 ON
-# clang compiles all but benchmarks and examples (the preset "clang" does) with warnings as errors here, so one build
-# serves both purposes.
-check asan-ubsan -O0 OFF
+# Benchmarks run here for a moment each: to compile them takes longer.
+check release all -O1 -D DYNSLAM_BUILD_BENCHMARKS=ON -D DYNSLAM_BUILD_EXAMPLES=ON -D DYNSLAM_BENCH_FLAGS="-O1 -g0"
+# clang compiles these with warnings as errors here (all the rest: the preset "clang"), so one build serves both purposes.
+check asan-ubsan unit_tests -O0 -D DYNSLAM_BUILD_BENCHMARKS=OFF -D DYNSLAM_BUILD_EXAMPLES=OFF
 
 step "done"
 printf '%s\n' "${summary[@]}"

@@ -15,5 +15,5 @@ cmake --preset tsan -D DYNSLAM_BUILD_TESTS=ON -D DYNSLAM_BUILD_BENCHMARKS=OFF -D
   cat build/tsan/configure.log
   exit 1
 }
-cmake --build --preset tsan --target runtime_tests -j "${JOBS:-$(nproc)}"
+cmake --build --preset tsan --target runtime_tests system_tests -j "${JOBS:-$(nproc)}"
 ctest --preset tsan "$@"

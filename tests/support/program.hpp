@@ -28,9 +28,12 @@ inline ProgramResult shell(const std::string& command) {
   return result;
 }
 
+#ifdef DYNSLAM_PROGRAM
 /// `dynslam ARGUMENTS`
 inline ProgramResult call(const std::string& arguments) {
-  return shell(std::string(DYNSLAM_PROGRAM) + " " + arguments + " 2>&1");
+  std::string command = DYNSLAM_PROGRAM " ";
+  return shell(command.append(arguments).append(" 2>&1"));
 }
+#endif
 
 }  // namespace dynslam::test
