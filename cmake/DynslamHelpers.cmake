@@ -29,7 +29,7 @@ endfunction()
 # Where DYNSLAM_PRECOMPILE asks for it, TARGET's sources begin with HEADERS (as <Eigen/Dense>), which the compiler reads
 # once then. A source still includes all that it uses: builds without this are the rule.
 function(dynslam_precompile target)
-  if(DYNSLAM_PRECOMPILE)
+  if(DYNSLAM_PRECOMPILE AND ARGN)
     target_precompile_headers(${target} PRIVATE ${ARGN})
   endif()
 endfunction()

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# Builds the runtime's tests with clang's thread sanitizer and runs them; a data race or a deadlock fails its test.
+# Builds the tests of the runtime and of whole runs with clang's thread sanitizer and runs them; a data race or a deadlock fails its test.
 # Libraries that are not instrumented (OpenCV's pool, ONNX Runtime) are not looked into.
 #
 #   scripts/thread-sanitizer.sh [CTEST OPTION...]      e.g. -R runtime.slam

@@ -12,6 +12,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluation/map_render.hpp"
+#include "error_text.hpp"
 #include "random.hpp"
 #include "recorded_scans.hpp"
 #include "tree_compare.hpp"
@@ -40,12 +41,8 @@ std::string read(const fs::path& path) {
 }
 
 std::string refusal(const fs::path& path) {
-  try {
-    (void)load_map(path);
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "accepted";
+  const std::string error = test::error_of([&] { (void)load_map(path); });
+  return error.empty() ? "accepted" : error;
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <doctest/doctest.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <string>
@@ -33,6 +34,17 @@ inline ProgramResult shell(const std::string& command) {
 inline ProgramResult call(const std::string& arguments) {
   std::string command = DYNSLAM_PROGRAM " ";
   return shell(command.append(arguments).append(" 2>&1"));
+}
+
+/// `dynslam ARGUMENTS` fails with the code, and what it prints is one line that has `part`.
+inline void check_one_line_error(const std::string& arguments, int code, const std::string& part) {
+  const ProgramResult r = call(arguments);
+  CAPTURE(arguments);
+  CAPTURE(r.out);
+  CHECK(r.code == code);
+  CHECK(r.out.rfind("dynslam: error: ", 0) == 0);
+  CHECK(std::count(r.out.begin(), r.out.end(), '\n') == 1);
+  CHECK(r.out.find(part) != std::string::npos);
 }
 #endif
 

@@ -8,7 +8,6 @@
 #include "program.hpp"
 #include "tum_fixture.hpp"
 
-#ifdef DYNSLAM_PROGRAM
 using dynslam::test::call, dynslam::test::ProgramResult;
 
 TEST_CASE("synth and ablate work from end to end and leave the tables and pictures") {
@@ -42,4 +41,3 @@ TEST_CASE("an ablation without masks runs what it can and says so; a camera at r
   CHECK_FALSE(std::filesystem::exists(folder.path / "o" / "both"));
   CHECK(std::filesystem::exists(folder.path / "o" / "ablation.json"));
 }
-#endif

@@ -16,8 +16,8 @@
 #include "run_fixture.hpp"
 #include "tum_fixture.hpp"
 
-#ifdef DYNSLAM_PROGRAM
-using dynslam::test::call, dynslam::test::ProgramResult, dynslam::test::shell;
+using dynslam::test::call, dynslam::test::check_one_line_error, dynslam::test::ProgramResult,
+    dynslam::test::shell;
 
 namespace {
 
@@ -37,16 +37,6 @@ const std::string& three_seconds() {
     return made;
   }();
   return path;
-}
-
-void check_one_line_error(const std::string& arguments, int code, const std::string& part) {
-  const ProgramResult r = call(arguments);
-  CAPTURE(arguments);
-  CAPTURE(r.out);
-  CHECK(r.code == code);
-  CHECK(r.out.rfind("dynslam: error: ", 0) == 0);
-  CHECK(std::count(r.out.begin(), r.out.end(), '\n') == 1);
-  CHECK(r.out.find(part) != std::string::npos);
 }
 
 }  // namespace
@@ -337,4 +327,3 @@ TEST_CASE("memory that runs out is told in words") {
   CHECK(r.code == 1);
   CHECK(r.out == "dynslam: error: there is not enough memory\n");
 }
-#endif

@@ -275,7 +275,6 @@ TEST_CASE("bytes and images come back from their texts, and nothing else does") 
   CHECK_FALSE(decode_runs(runs, image.size()));
 }
 
-#ifdef DYNSLAM_PROGRAM
 TEST_CASE("dynslam report says in one line what is wrong") {
   const auto result = test::call("report /nowhere/at/all");
   CHECK(result.code != 0);
@@ -284,4 +283,3 @@ TEST_CASE("dynslam report says in one line what is wrong") {
   CHECK(test::call("report").code == 2);
   CHECK(test::call("report x --max-mb 0").code == 2);
 }
-#endif

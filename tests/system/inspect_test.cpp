@@ -211,7 +211,6 @@ TEST_CASE("a sequence without a camera is described, and the camera asked for") 
   CHECK(report.edges.measured);
 }
 
-#ifdef DYNSLAM_PROGRAM
 TEST_CASE("the info command prints text and JSON, and errors on one line") {
   const FormatFixture fixture("7-scenes");
   const std::string root = fixture.root.string();
@@ -240,7 +239,6 @@ TEST_CASE("eval takes the folder of a run and that of a sequence") {
   const auto eval = test::call("eval " + out + " " + root + " --rate 10 --json");
   CHECK(nlohmann::json::parse(eval.out)["pairs"] == 14);
 }
-#endif
 
 TEST_CASE("recorded sequences are described rightly, where they are at hand") {
   const char* data = std::getenv("DYNSLAM_DATA");

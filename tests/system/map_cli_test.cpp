@@ -16,9 +16,8 @@
 #include "recorded_scans.hpp"
 #include "tum_fixture.hpp"
 
-#ifdef DYNSLAM_PROGRAM
 using namespace dynslam;
-using test::call, test::ProgramResult;
+using test::call, test::check_one_line_error, test::ProgramResult;
 
 namespace {
 
@@ -109,26 +108,16 @@ TEST_CASE("mistakes with maps are one line and a non-zero code") {
   const std::string folder = saved.path.string();
   std::ofstream(folder + "/junk.sot") << "junk";
   CHECK(call("map export " + saved.map + " " + folder + "/colour.ot").code == 0);
-  const auto fails = [](const std::string& arguments, int code, const std::string& part) {
-    const ProgramResult r = call(arguments);
-    CAPTURE(arguments);
-    CAPTURE(r.out);
-    CHECK(r.code == code);
-    CHECK(r.out.rfind("dynslam: error: ", 0) == 0);
-    CHECK(std::count(r.out.begin(), r.out.end(), '\n') == 1);
-    CHECK(r.out.find(part) != std::string::npos);
-  };
-  fails("map", 2, "subcommand");
-  fails("map info " + folder + "/absent.sot", 1, "absent.sot: does not exist");
-  fails("map info " + folder + "/junk.sot", 1, "junk.sot: is not an OctoMap file");
-  fails("map info " + folder + "/colour.ot", 1, "ColorOcTree");
-  fails("map export " + saved.map + " " + folder + "/no/x.ply", 1, "x.ply: cannot be written");
-  fails("map export " + saved.map + " " + folder + "/x.stl", 2, "x.stl");
-  fails("map query " + saved.map, 2, "needs a question");
-  fails("map query " + saved.map + " --at 1 2", 2, "--at");
-  fails("map query " + saved.map + " --at 1 2 nan", 2, "'nan' is not a finite number");
-  fails("map query " + saved.map + " --at 1 2 3 --nearest 1 2 3", 2, "excludes");
-  fails("map query " + saved.map + " --ray 0 0 0 0 0 0", 2, "direction is zero");
-  fails("map query " + saved.map + " --at 0 0 0 --range -1", 2, "--range");
+  check_one_line_error("map", 2, "subcommand");
+  check_one_line_error("map info " + folder + "/absent.sot", 1, "absent.sot: does not exist");
+  check_one_line_error("map info " + folder + "/junk.sot", 1, "junk.sot: is not an OctoMap file");
+  check_one_line_error("map info " + folder + "/colour.ot", 1, "ColorOcTree");
+  check_one_line_error("map export " + saved.map + " " + folder + "/no/x.ply", 1, "x.ply: cannot be written");
+  check_one_line_error("map export " + saved.map + " " + folder + "/x.stl", 2, "x.stl");
+  check_one_line_error("map query " + saved.map, 2, "needs a question");
+  check_one_line_error("map query " + saved.map + " --at 1 2", 2, "--at");
+  check_one_line_error("map query " + saved.map + " --at 1 2 nan", 2, "'nan' is not a finite number");
+  check_one_line_error("map query " + saved.map + " --at 1 2 3 --nearest 1 2 3", 2, "excludes");
+  check_one_line_error("map query " + saved.map + " --ray 0 0 0 0 0 0", 2, "direction is zero");
+  check_one_line_error("map query " + saved.map + " --at 0 0 0 --range -1", 2, "--range");
 }
-#endif

@@ -32,12 +32,8 @@ Sweep sweep_of(const std::string& text) {
 }
 
 std::string sweep_refusal(const std::string& text) {
-  try {
-    (void)sweep_of(text);
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "accepted";
+  const std::string error = test::error_of([&] { (void)sweep_of(text); });
+  return error.empty() ? "accepted" : error;
 }
 
 /// A sweep of two runs on the office.

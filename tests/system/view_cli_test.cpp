@@ -9,7 +9,6 @@
 #include "program.hpp"
 #include "tum_fixture.hpp"
 
-#ifdef DYNSLAM_PROGRAM
 using namespace dynslam;
 
 TEST_CASE("without a display --view is an error of one line, before anything is done") {
@@ -34,4 +33,3 @@ TEST_CASE("without a display --view is an error of one line, before anything is 
   fails("DISPLAY=:6789", "built without windows");
 #endif
 }
-#endif
