@@ -25,31 +25,40 @@ class SE3 {
   SE3(const Eigen::Quaternion<S>& q, const Vector3& t) : R_(q), t_(t) {}
 
   [[nodiscard]] static SE3 exp(const Vector6& xi) {
-    const Vector3 w = xi.template tail<3>();
-    return SE3(SO3<S>::exp(w), SO3<S>::left_jacobian(w) * xi.template head<3>());
+    const Vector3 upsilon(xi[0], xi[1], xi[2]), w(xi[3], xi[4], xi[5]);
+    return SE3(SO3<S>::exp(w), detail::product<S>(SO3<S>::left_jacobian(w), upsilon));
   }
   [[nodiscard]] Vector6 log() const {
     const Vector3 w = R_.log();
+    const Vector3 upsilon = detail::product<S>(SO3<S>::left_jacobian_inverse(w), t_);
     Vector6 xi;
-    xi.template head<3>() = SO3<S>::left_jacobian_inverse(w) * t_;
-    xi.template tail<3>() = w;
+    for (int i = 0; i < 3; ++i) xi[i] = upsilon[i], xi[i + 3] = w[i];
     return xi;
   }
 
   [[nodiscard]] SE3 inverse() const {
     const SO3<S> R = R_.inverse();
-    return SE3(R, -(R * t_));
+    const Vector3 t = R * t_;
+    return SE3(R, Vector3(-t[0], -t[1], -t[2]));
   }
-  [[nodiscard]] SE3 operator*(const SE3& other) const { return SE3(R_ * other.R_, R_ * other.t_ + t_); }
-  [[nodiscard]] Vector3 operator*(const Vector3& p) const { return R_ * p + t_; }
+  [[nodiscard]] SE3 operator*(const SE3& other) const { return SE3(R_ * other.R_, *this * other.t_); }
+  [[nodiscard]] Vector3 operator*(const Vector3& p) const {
+    const Vector3 r = R_ * p;
+    return Vector3(r[0] + t_[0], r[1] + t_[1], r[2] + t_[2]);
+  }
 
   [[nodiscard]] const SO3<S>& so3() const { return R_; }
   [[nodiscard]] const Vector3& translation() const { return t_; }
   [[nodiscard]] Matrix3 rotation_matrix() const { return R_.matrix(); }
   [[nodiscard]] Matrix4 matrix() const {
-    Matrix4 m = Matrix4::Identity();
-    m.template topLeftCorner<3, 3>() = R_.matrix();
-    m.template topRightCorner<3, 1>() = t_;
+    const Matrix3 R = R_.matrix();
+    Matrix4 m;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) m(i, j) = R(i, j);
+      m(i, 3) = t_[i];
+      m(3, i) = S(0);
+    }
+    m(3, 3) = S(1);
     return m;
   }
   /// For many points: their product with it takes half the time.
@@ -61,9 +70,7 @@ class SE3 {
   /// Ad: exp(Ad xi) = T exp(xi) T^-1.
   [[nodiscard]] Matrix6 adjoint() const {
     const Matrix3 R = R_.matrix();
-    Matrix6 m;
-    m << R, SO3<S>::hat(t_) * R, Matrix3::Zero(), R;
-    return m;
+    return upper_blocks(R, detail::product<S>(SO3<S>::hat(t_), R));
   }
   /// Inverse of J_l(xi), where exp(xi + d) ~ exp(J_l(xi) d) exp(xi) (Barfoot, State Estimation for
   /// Robotics, 7.1.5, with the translation first); valid for rotations below 2 pi.
@@ -71,8 +78,8 @@ class SE3 {
     using std::cos;
     using std::sin;
     using std::sqrt;
-    const Vector3 w = xi.template tail<3>();
-    const S t2 = w.squaredNorm();
+    const Vector3 upsilon(xi[0], xi[1], xi[2]), w(xi[3], xi[4], xi[5]);
+    const S t2 = detail::squared_norm<S>(w);
     S b, c, d;  // factors of the quadratic, cubic and quartic terms of Q
     if (t2 < S(1e-2)) {
       b = S(1) / S(6) - t2 / S(120) + t2 * t2 / S(5040);
@@ -84,14 +91,20 @@ class SE3 {
       c = (t2 / S(2) + cos(t) - S(1)) / t4;
       d = (t * (S(1) + S(0.5) * cos(t)) - S(1.5) * sin(t)) / (t4 * t);
     }
-    const Matrix3 U = SO3<S>::hat(xi.template head<3>()), W = SO3<S>::hat(w);
-    const Matrix3 WU = W * U, UW = U * W, WUW = W * UW;
-    const Matrix3 Q =
-        S(0.5) * U + b * (WU + UW + WUW) + c * (W * WU + UW * W - S(3) * WUW) + d * (WUW * W + W * WUW);
+    const Matrix3 U = SO3<S>::hat(upsilon), W = SO3<S>::hat(w);
+    const Matrix3 WU = detail::product<S>(W, U), UW = detail::product<S>(U, W),
+                  WUW = detail::product<S>(W, UW);
+    const Matrix3 WWU = detail::product<S>(W, WU), UWW = detail::product<S>(UW, W);
+    const Matrix3 WUWW = detail::product<S>(WUW, W), WWUW = detail::product<S>(W, WUW);
     const Matrix3 J = SO3<S>::left_jacobian_inverse(w);
-    Matrix6 m;
-    m << J, -J * Q * J, Matrix3::Zero(), J;
-    return m;
+    Matrix3 Q, minus_J;
+    for (int k = 0; k < 9; ++k) {
+      const int i = k % 3, j = k / 3;
+      Q(i, j) = S(0.5) * U(i, j) + b * (WU(i, j) + UW(i, j) + WUW(i, j)) +
+                c * (WWU(i, j) + UWW(i, j) - S(3) * WUW(i, j)) + d * (WUWW(i, j) + WWUW(i, j));
+      minus_J(i, j) = -J(i, j);
+    }
+    return upper_blocks(J, detail::product<S>(detail::product<S>(minus_J, Q), J));
   }
   template <Scalar T>
   [[nodiscard]] SE3<T> cast() const {
@@ -99,6 +112,19 @@ class SE3 {
   }
 
  private:
+  /// [A B; 0 A].
+  [[nodiscard]] static Matrix6 upper_blocks(const Matrix3& A, const Matrix3& B) {
+    Matrix6 m;
+    for (int j = 0; j < 3; ++j) {
+      for (int i = 0; i < 3; ++i) {
+        m(i, j) = m(i + 3, j + 3) = A(i, j);
+        m(i, j + 3) = B(i, j);
+        m(i + 3, j) = S(0);
+      }
+    }
+    return m;
+  }
+
   SO3<S> R_;
   Vector3 t_;
 };
