@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 namespace dynslam::runtime::synth {
@@ -44,18 +45,33 @@ cv::Vec3f sample(const Texture& texture, const Eigen::Vector2d& uv, double texel
   const double x = uv.x() * scale - 0.5, y = uv.y() * scale - 0.5;
   const int x0 = static_cast<int>(std::floor(x)), y0 = static_cast<int>(std::floor(y));
   const auto a = static_cast<float>(x - x0), b = static_cast<float>(y - y0);
-  const auto wrap = [](int i, int n) { return ((i % n) + n) % n; };
-  const int xa = wrap(x0, image.cols), xb = wrap(x0 + 1, image.cols), ya = wrap(y0, image.rows),
-            yb = wrap(y0 + 1, image.rows);
+  // Nearly all is inside, and to divide takes long.
+  const auto wrap = [](int i, int n) { return i >= 0 && i < n ? i : ((i % n) + n) % n; };
+  const int xa = wrap(x0, image.cols), xb = xa + 1 < image.cols ? xa + 1 : 0;
+  const int ya = wrap(y0, image.rows), yb = ya + 1 < image.rows ? ya + 1 : 0;
+  const auto *upper = image.ptr<cv::Vec3b>(ya), *lower = image.ptr<cv::Vec3b>(yb);
   cv::Vec3f out;
   for (int c = 0; c < 3; ++c) {
-    const auto top = (1 - a) * static_cast<float>(image.at<cv::Vec3b>(ya, xa)[c]) +
-                     a * static_cast<float>(image.at<cv::Vec3b>(ya, xb)[c]);
-    const auto low = (1 - a) * static_cast<float>(image.at<cv::Vec3b>(yb, xa)[c]) +
-                     a * static_cast<float>(image.at<cv::Vec3b>(yb, xb)[c]);
+    const auto top = (1 - a) * static_cast<float>(upper[xa][c]) + a * static_cast<float>(upper[xb][c]);
+    const auto low = (1 - a) * static_cast<float>(lower[xa][c]) + a * static_cast<float>(lower[xb][c]);
     out[c] = (1 - b) * top + b * low;
   }
   return out;
+}
+
+/// Which columns of [u0, u1] a triangle reaches in row `v`, and up to one more on either side.
+std::pair<int, int> columns(const std::array<Eigen::Vector2d, 3>& x, int v, int u0, int u1) {
+  double low = u1, high = u0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Eigen::Vector2d &a = x[i], &b = x[(i + 1) % 3];
+    if (std::min(a.y(), b.y()) > v || std::max(a.y(), b.y()) < v) continue;
+    if (a.y() == b.y()) continue;  // the ends are those of the two other edges
+    const double u = a.x() + (v - a.y()) / (b.y() - a.y()) * (b.x() - a.x());
+    low = std::min(low, u);
+    high = std::max(high, u);
+  }
+  return {static_cast<int>(std::max<double>(u0, std::floor(low) - 1)),
+          static_cast<int>(std::min<double>(u1, std::ceil(high) + 1))};
 }
 
 /// The nearest triangle of each pixel, and where on its surface.
@@ -77,6 +93,8 @@ struct Raster {
     }
     const double area = (x[1] - x[0]).x() * (x[2] - x[0]).y() - (x[1] - x[0]).y() * (x[2] - x[0]).x();
     if (std::abs(area) < 1e-9) return;
+    // No pixel of it is nearer than its nearest corner, but for what is rounded.
+    const double bound = (1 + 1e-12) / std::min({v[0].p.z(), v[1].p.z(), v[2].p.z()});
     const int u0 = std::max(0, static_cast<int>(std::ceil(std::min({x[0].x(), x[1].x(), x[2].x()}))));
     const int u1 =
         std::min(id.cols - 1, static_cast<int>(std::floor(std::max({x[0].x(), x[1].x(), x[2].x()}))));
@@ -84,7 +102,10 @@ struct Raster {
     const int v1 =
         std::min(id.rows - 1, static_cast<int>(std::floor(std::max({x[0].y(), x[1].y(), x[2].y()}))));
     for (int py = v0; py <= v1; ++py) {
-      for (int px = u0; px <= u1; ++px) {
+      const auto [first, last] = columns(x, py, u0, u1);
+      auto* nearest = inverse_z.ptr<double>(py);
+      for (int px = first; px <= last; ++px) {
+        if (nearest[px] >= bound) continue;
         const Eigen::Vector2d q(px, py);
         const auto edge = [&](std::size_t a, std::size_t b) {
           return ((x[b] - x[a]).x() * (q - x[a]).y() - (x[b] - x[a]).y() * (q - x[a]).x()) / area;
@@ -93,7 +114,7 @@ struct Raster {
         if (w0 < 0 || w1 < 0 || w2 < 0) continue;
         const double i0 = w0 / v[0].p.z(), i1 = w1 / v[1].p.z(), i2 = w2 / v[2].p.z();
         const double inverse = i0 + i1 + i2;
-        double& best = inverse_z.at<double>(py, px);
+        double& best = nearest[px];
         if (inverse <= best) continue;
         best = inverse;
         id.at<int>(py, px) = k;
