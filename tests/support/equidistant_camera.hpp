@@ -31,20 +31,28 @@ class EquidistantCamera {
     if (J != nullptr) {
       // d scale / d (x, y) = slope (x, y), d scale / d z = -1 / d2
       const T slope = axis ? T(0) : T((p.z() / d2 - scale) / r2);
-      *J << scale + slope * p.x() * p.x(), slope * p.x() * p.y(), -p.x() / d2, slope * p.x() * p.y(),
-          scale + slope * p.y() * p.y(), -p.y() / d2;
-      *J *= focal_;
+      const T slope_x = slope * p.x(), slope_y = slope * p.y();
+      const T across_x = scale + slope_x * p.x(), across_y = scale + slope_y * p.y(), mixed = slope_x * p.y();
+      const T along_x = p.x() / d2, along_y = p.y() / d2;
+      (*J)(0, 0) = across_x * focal_;
+      (*J)(1, 1) = across_y * focal_;
+      (*J)(1, 0) = (*J)(0, 1) = mixed * focal_;
+      (*J)(0, 2) = -(along_x * focal_);
+      (*J)(1, 2) = -(along_y * focal_);
     }
-    return Vector2(focal_ * scale * p.template head<2>() + centre_);
+    const T size = focal_ * scale;
+    return Vector2(size * p.x() + centre_.x(), size * p.y() + centre_.y());
   }
 
   [[nodiscard]] std::optional<Vector3> unproject(const Vector2& x, const T& z) const {
-    using std::tan;
-    const Vector2 n = (x - centre_) / focal_;
-    const T angle = n.norm();
+    using std::sqrt, std::tan;
+    const T from_x = x.x() - centre_.x(), from_y = x.y() - centre_.y();
+    const T n_x = from_x / focal_, n_y = from_y / focal_;
+    const T angle = sqrt(n_x * n_x + n_y * n_y);
     if (!(angle < T(1.55))) return std::nullopt;
     const T scale = angle < T(1e-6) ? T(1) : T(tan(angle) / angle);
-    return Vector3(scale * n.x() * z, scale * n.y() * z, z);
+    const T s_x = scale * n_x, s_y = scale * n_y;
+    return Vector3(s_x * z, s_y * z, z);
   }
 
  private:

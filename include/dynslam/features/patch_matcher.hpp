@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -48,6 +47,32 @@ struct PatchMatchOptions {
   double coarser = 1.1;  ///< a level with pixels this much larger than wanted still serves
 };
 
+namespace detail {
+template <class S>
+[[nodiscard]] S determinant(const Eigen::Matrix<S, 2, 2>& m) {
+  return m(0, 0) * m(1, 1) - m(1, 0) * m(0, 1);
+}
+template <class S>
+[[nodiscard]] Eigen::Matrix<S, 2, 2> inverse(const Eigen::Matrix<S, 2, 2>& m, const S& determinant) {
+  const S scale = S(1) / determinant;
+  Eigen::Matrix<S, 2, 2> inverse;
+  inverse(0, 0) = m(1, 1) * scale;
+  inverse(1, 0) = -m(1, 0) * scale;
+  inverse(0, 1) = -m(0, 1) * scale;
+  inverse(1, 1) = m(0, 0) * scale;
+  return inverse;
+}
+/// The same in numbers of the kind T.
+template <std::floating_point T, std::floating_point S, int C>
+[[nodiscard]] Eigen::Matrix<T, 2, C> cast(const Eigen::Matrix<S, 2, C>& m) {
+  Eigen::Matrix<T, 2, C> out;
+  for (int c = 0; c < C; ++c) {
+    for (int r = 0; r < 2; ++r) out(r, c) = static_cast<T>(m(r, c));
+  }
+  return out;
+}
+}  // namespace detail
+
 /// Change of an offset in a patch's image to the present one, in pixels of level 0 (2 x 2). The patch is
 /// taken for a plane that faced the camera which cut it: A = J(p_c) R [J_xy(p_ref)^-1; 0], J being d x / d p.
 /// @param p_ref  the point in the frame of the camera that cut the patch [m]
@@ -63,13 +88,21 @@ template <DifferentiableCamera C, class S = typename C::ScalarType>
   if (!camera.project(p_c, &J)) return std::nullopt;
   Eigen::Matrix<S, 3, 2> plane;
   if constexpr (requires { camera.fx(), camera.fy(); }) {  // an ideal pinhole: its derivative is diagonal
-    plane.col(0) = R.col(0) * (p_ref.z() / camera.fx());
-    plane.col(1) = R.col(1) * (p_ref.z() / camera.fy());
+    const S per_x = p_ref.z() / camera.fx(), per_y = p_ref.z() / camera.fy();
+    for (int i = 0; i < 3; ++i) {
+      plane(i, 0) = R(i, 0) * per_x;
+      plane(i, 1) = R(i, 1) * per_y;
+    }
   } else {
     Eigen::Matrix<S, 2, 3> J_ref;
     if (!camera.project(p_ref, &J_ref)) return std::nullopt;
-    const Eigen::Matrix<S, 2, 2> across = J_ref.template leftCols<2>();
-    plane = R.template leftCols<2>() * across.inverse();
+    Eigen::Matrix<S, 2, 2> across;
+    for (int i = 0; i < 4; ++i) across(i % 2, i / 2) = J_ref(i % 2, i / 2);
+    const Eigen::Matrix<S, 2, 2> back = detail::inverse(across, detail::determinant(across));
+    for (int i = 0; i < 3; ++i) {
+      plane(i, 0) = R(i, 0) * back(0, 0) + R(i, 1) * back(1, 0);
+      plane(i, 1) = R(i, 0) * back(0, 1) + R(i, 1) * back(1, 1);
+    }
   }
   return Eigen::Matrix<S, 2, 2>(J * plane);
 }
@@ -110,8 +143,9 @@ template <RowImage I>
   constexpr int kOrigin = PatchTemplate::kSize / 2 + 1;
   // An affine image of a square lies inside where its corners do.
   const auto source = [&](int x, int y) {
-    return Eigen::Vector2f(centre + to_patch * Eigen::Vector2f(static_cast<float>(x - kOrigin),
-                                                               static_cast<float>(y - kOrigin)));
+    const auto d_x = static_cast<float>(x - kOrigin), d_y = static_cast<float>(y - kOrigin);
+    return Eigen::Vector2f(centre.x() + (to_patch(0, 0) * d_x + to_patch(0, 1) * d_y),
+                           centre.y() + (to_patch(1, 0) * d_x + to_patch(1, 1) * d_y));
   };
   const float right = static_cast<float>(patch.width() - 1) - kRounding,
               bottom_edge = static_cast<float>(patch.height() - 1) - kRounding;
@@ -154,7 +188,7 @@ template <std::floating_point S, ImagePyramidLike P>
                                                        const Eigen::Matrix<S, 2, 1>& start,
                                                        const PatchMatchOptions& options = {}) {
   if (patch.level < 0) return std::nullopt;
-  const S determinant = warp.determinant();
+  const S determinant = detail::determinant(warp);
   if (!(determinant > S(options.min_area) && determinant < S(options.max_area))) return std::nullopt;
   // The level on which the patch has the size it was cut with.
   const auto size = [&](int i) { return static_cast<S>(pyramid.scale(i).x()); };
@@ -163,8 +197,10 @@ template <std::floating_point S, ImagePyramidLike P>
   while (level + 1 < pyramid.size() && size(level + 1) < S(options.coarser) * wanted) ++level;
 
   // The patch as it must look from here.
-  const Eigen::Matrix2f to_patch =
-      (warp.inverse() * (size(level) / size(patch.level))).template cast<float>();
+  Eigen::Matrix<S, 2, 2> back = detail::inverse(warp, determinant);
+  const S scale = size(level) / size(patch.level);
+  for (int i = 0; i < 4; ++i) back(i % 2, i / 2) *= scale;
+  const Eigen::Matrix2f to_patch = detail::cast<float>(back);
   std::array<float,
              static_cast<std::size_t>(detail::PatchTemplate::kBordered * detail::PatchTemplate::kBordered)>
       bordered;
@@ -173,11 +209,10 @@ template <std::floating_point S, ImagePyramidLike P>
   detail::PatchTemplate reference;
   if (!reference.set(bordered, options.min_gradient)) return std::nullopt;
   const auto found = reference.align(
-      pyramid.image(level), Eigen::Vector2f(to_level<S>(pyramid, start, level).template cast<float>()),
-      options.alignment);
+      pyramid.image(level), detail::cast<float>(to_level<S>(pyramid, start, level)), options.alignment);
   if (!found.ok()) return std::nullopt;
   PatchMatch<S> match;
-  match.x = to_base<S>(pyramid, found.x.template cast<S>().eval(), level);
+  match.x = to_base<S>(pyramid, detail::cast<S>(found.x), level);
   match.level = level;
   match.correlation = found.correlation;
   return match;

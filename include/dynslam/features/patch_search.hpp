@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <concepts>
@@ -35,23 +34,23 @@ template <std::floating_point S, ImagePyramidLike P, ImagePyramidLike Q>
     const P& reference, const Eigen::Matrix<S, 2, 1>& x, const Eigen::Matrix<S, 2, 2>& warp, const Q& present,
     const Eigen::Matrix<S, 2, 1>& start, const PatchSearchOptions& options = {}) {
   using detail::PatchTemplate;
-  if (!(warp.determinant() > S(0))) return std::nullopt;
-  const Eigen::Matrix2f to_reference = warp.inverse().template cast<float>();
+  const S determinant = detail::determinant(warp);
+  if (!(determinant > S(0))) return std::nullopt;
+  const Eigen::Matrix2f to_reference = detail::cast<float>(detail::inverse(warp, determinant));
   std::array<float, static_cast<std::size_t>(PatchTemplate::kBordered * PatchTemplate::kBordered)> bordered;
   PatchTemplate patch;
   Eigen::Matrix<S, 2, 1> found = start;
   bool any = false;
   for (int level = std::min(reference.size(), present.size()) - 1; level >= 0; --level) {
     const auto& image = reference.image(level);
-    const Eigen::Vector2f centre = to_level<S>(reference, x, level).template cast<float>();
+    const Eigen::Vector2f centre = detail::cast<float>(to_level<S>(reference, x, level));
     if (!detail::sample_template(image, centre, to_reference, bordered) ||
         !patch.set(bordered, options.min_gradient))
       continue;
     const auto aligned = patch.align(
-        present.image(level), Eigen::Vector2f(to_level<S>(present, found, level).template cast<float>()),
-        options.alignment);
+        present.image(level), detail::cast<float>(to_level<S>(present, found, level)), options.alignment);
     if (!aligned.ok()) continue;
-    found = to_base<S>(present, aligned.x.template cast<S>().eval(), level);
+    found = to_base<S>(present, detail::cast<S>(aligned.x), level);
     any = true;
   }
   return any ? std::optional(found) : std::nullopt;

@@ -81,13 +81,32 @@ class BrownConrady {
 
   /// In OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6.
   [[nodiscard]] Eigen::Matrix<S, 8, 1> coefficients() const {
-    return (Eigen::Matrix<S, 8, 1>() << k1_, k2_, p1_, p2_, k3_, k4_, k5_, k6_).finished();
+    const std::array k{k1_, k2_, p1_, p2_, k3_, k4_, k5_, k6_};
+    Eigen::Matrix<S, 8, 1> all;
+    for (std::size_t i = 0; i < k.size(); ++i) all(static_cast<Eigen::Index>(i)) = k[i];
+    return all;
   }
 
  private:
-  [[nodiscard]] S numerator(const S& r2) const { return S(1) + r2 * (k1_ + r2 * (k2_ + r2 * k3_)); }
-  [[nodiscard]] S denominator(const S& r2) const { return S(1) + r2 * (k4_ + r2 * (k5_ + r2 * k6_)); }
-  [[nodiscard]] S radial(const S& r2) const { return numerator(r2) / denominator(r2); }
+  /// a + b c. Sums are built of it because each longer one is another expression type for a compiler to work
+  /// out where S is Eigen::AutoDiffScalar.
+  [[nodiscard]] static S plus(const S& a, const S& b, const S& c) { return a + b * c; }
+  /// 1 + a t + b t^2 + c t^3
+  [[nodiscard]] static S cubic(const S& t, const S& a, const S& b, const S& c) {
+    return plus(S(1), t, plus(a, t, plus(b, t, c)));
+  }
+  /// Its derivative by t.
+  [[nodiscard]] static S slope_of_cubic(const S& t, const S& a, const S& b, const S& c) {
+    return plus(a, t, plus(S(2) * b, t * S(3), c));
+  }
+  [[nodiscard]] S numerator(const S& r2) const { return cubic(r2, k1_, k2_, k3_); }
+  [[nodiscard]] S denominator(const S& r2) const { return cubic(r2, k4_, k5_, k6_); }
+  /// Distance from the centre to which the radial part leads from the distance r.
+  [[nodiscard]] S radially(const S& r) const {
+    const S r2 = r * r, factor = numerator(r2) / denominator(r2);
+    return r * factor;
+  }
+  [[nodiscard]] static S squared_length(const S& x, const S& y) { return x * x + y * y; }
 
   /// Smallest r^2 at which r f(r^2) turns back or the denominator is 0. With f = N / D and t = r^2 the slope
   /// d r_d / d r is ((N + 2 t N') D - N 2 t D') / D^2.
@@ -104,61 +123,69 @@ class BrownConrady {
 
   [[nodiscard]] Vector2 evaluate(const Vector2& n, Matrix2& J) const {
     const S x = n.x(), y = n.y();
-    const S xx = x * x, yy = y * y, xy = x * y, r2 = xx + yy;
+    const S xx = x * x, yy = y * y, xy = x * y, r2 = xx + yy, two = S(2);
     const S below = denominator(r2), factor = numerator(r2) / below;
-    const S rise = k1_ + r2 * (S(2) * k2_ + r2 * S(3) * k3_),
-            fall = k4_ + r2 * (S(2) * k5_ + r2 * S(3) * k6_);
-    const S slope = S(2) * (rise - factor * fall) / below;  // d factor / d r2, times 2
-    const S cross = slope * xy + S(2) * p1_ * x + S(2) * p2_ * y;
-    J << factor + slope * xx + S(2) * p1_ * y + S(6) * p2_ * x, cross, cross,
-        factor + slope * yy + S(6) * p1_ * y + S(2) * p2_ * x;
-    return Vector2(x * factor + S(2) * p1_ * xy + p2_ * (r2 + S(2) * xx),
-                   y * factor + p1_ * (r2 + S(2) * yy) + S(2) * p2_ * xy);
+    const S turn = slope_of_cubic(r2, k1_, k2_, k3_) - factor * slope_of_cubic(r2, k4_, k5_, k6_);
+    const S twice = two * turn, slope = twice / below;  // d factor / d r2, times 2
+    const S p1_2 = two * p1_, p2_2 = two * p2_, p1_6 = S(6) * p1_, p2_6 = S(6) * p2_;
+    J(0, 0) = plus(plus(plus(factor, slope, xx), p1_2, y), p2_6, x);
+    J(1, 1) = plus(plus(plus(factor, slope, yy), p1_6, y), p2_2, x);
+    J(1, 0) = J(0, 1) = plus(plus(slope * xy, p1_2, x), p2_2, y);
+    return Vector2(plus(plus(x * factor, p1_2, xy), p2_, plus(r2, two, xx)),
+                   plus(plus(y * factor, p1_, plus(r2, two, yy)), p2_2, xy));
   }
 
-  [[nodiscard]] static S determinant(const Matrix2& J) { return J(0, 0) * J(1, 1) - J(0, 1) * J(1, 0); }
+  /// a d - b c
+  [[nodiscard]] static S cross(const S& a, const S& b, const S& c, const S& d) { return a * d - b * c; }
+  [[nodiscard]] static S determinant(const Matrix2& J) { return cross(J(0, 0), J(0, 1), J(1, 0), J(1, 1)); }
 
   /// A determinant of 1e-6 means that a pixel of the recorded image is seen a thousand times enlarged.
   [[nodiscard]] bool in_field(const Vector2& n, const Matrix2& J) const {
-    return n.squaredNorm() < S(valid_r2_) && S(1e-6) < determinant(J);
+    return squared_length(n.x(), n.y()) < S(valid_r2_) && S(1e-6) < determinant(J);
   }
 
   [[nodiscard]] std::optional<Vector2> newton(const Vector2& d, Vector2 x) const {
-    const S tolerance = S(64) * Eigen::NumTraits<S>::epsilon();
+    const S tolerance = S(64) * Eigen::NumTraits<S>::epsilon(), enough = tolerance * tolerance;
     Matrix2 J;
     for (int i = 0; i < 20; ++i) {
-      const Vector2 error = evaluate(x, J) - d;
-      const bool solved = error.squaredNorm() <= tolerance * tolerance;
+      const Vector2 at = evaluate(x, J);
+      const S e_x = at.x() - d.x(), e_y = at.y() - d.y();
+      const bool solved = squared_length(e_x, e_y) <= enough;
       if (solved && std::floating_point<S>) return in_field(x, J) ? std::optional<Vector2>(x) : std::nullopt;
       const S det = determinant(J);
       if (!(S(1e-6) < det)) return std::nullopt;  // folded over: no inverse here
-      x -=
-          Vector2(J(1, 1) * error.x() - J(0, 1) * error.y(), J(0, 0) * error.y() - J(1, 0) * error.x()) / det;
+      const S step_x = cross(J(1, 1), J(0, 1), e_y, e_x), step_y = cross(J(0, 0), J(1, 0), e_x, e_y);
+      x.x() -= step_x / det;
+      x.y() -= step_y / det;
       // The derivatives of dual numbers arrive with the step after the value's last.
       if (solved) return in_field(x, J) ? std::optional<Vector2>(x) : std::nullopt;
     }
     const Vector2 again = evaluate(x, J);
-    return again.isApprox(d, S(100) * tolerance) && in_field(x, J) ? std::optional<Vector2>(x) : std::nullopt;
+    const S off = squared_length(again.x() - d.x(), again.y() - d.y());
+    const S size = std::min(squared_length(again.x(), again.y()), squared_length(d.x(), d.y()));
+    const S rough = S(100) * tolerance, limit = rough * rough;
+    return off <= limit * size && in_field(x, J) ? std::optional<Vector2>(x) : std::nullopt;
   }
 
   /// The point on the ray of `d` whose radial distortion alone leads to |d|, by bisection of the field;
   /// nullopt where |d| is far beyond the field.
   [[nodiscard]] std::optional<Vector2> on_radius(const Vector2& d) const {
     using std::sqrt;
-    const S r_d = sqrt(d.squaredNorm());
+    const S r_d = sqrt(squared_length(d.x(), d.y()));
     if (!(S(0) < r_d)) return std::nullopt;
     S low = S(0), high = r_d;
     if (std::isfinite(valid_r2_)) {
       // Tangential terms may lead a little beyond the largest radial distortion: begin just inside.
       high = S(0.98) * sqrt(S(valid_r2_));
     } else {  // nothing folds: as far as it takes
-      while (high * radial(high * high) < r_d && high < S(kWidest)) high *= S(2);
+      while (radially(high) < r_d && high < S(kWidest)) high *= S(2);
     }
     for (int i = 0; i < 12; ++i) {  // to 1 / 4096 of the field: Newton's method does the rest
       const S middle = S(0.5) * (low + high);
-      (middle * radial(middle * middle) < r_d ? low : high) = middle;
+      (radially(middle) < r_d ? low : high) = middle;
     }
-    return Vector2(d * (high / r_d));
+    const S scale = high / r_d;
+    return Vector2(d.x() * scale, d.y() * scale);
   }
 
   static constexpr double kWidest = 100;  // tangent of 89.4 degrees: no lens is calibrated so far out
@@ -196,7 +223,11 @@ class PinholeBrownConrady {
       const S aspect = pinhole_.fx() / pinhole_.fy();
       lens(0, 1) *= aspect;
       lens(1, 0) /= aspect;
-      *J = lens * *J;
+      for (int k = 0; k < 3; ++k) {
+        const S u = (*J)(0, k), v = (*J)(1, k);
+        (*J)(0, k) = lens(0, 0) * u + lens(0, 1) * v;
+        (*J)(1, k) = lens(1, 0) * u + lens(1, 1) * v;
+      }
     }
     return to_pixel(*n);
   }
@@ -227,7 +258,10 @@ class PinholeBrownConrady {
   }
 
  private:
-  [[nodiscard]] Vector2 to_normalised(const Vector2& x) const { return pinhole_.ray(x).template head<2>(); }
+  [[nodiscard]] Vector2 to_normalised(const Vector2& x) const {
+    const Vector3 ray = pinhole_.ray(x);
+    return Vector2(ray.x(), ray.y());
+  }
   [[nodiscard]] Vector2 to_pixel(const Vector2& n) const {
     return Vector2(pinhole_.fx() * n.x() + pinhole_.cx(), pinhole_.fy() * n.y() + pinhole_.cy());
   }

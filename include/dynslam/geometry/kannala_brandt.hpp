@@ -64,13 +64,17 @@ class KannalaBrandt {
     if (!(curve.theta2 < S(max_angle_ * max_angle_))) return std::nullopt;
     const S scale = curve.scale;  // x_d = scale x
     if (J != nullptr) {
-      const S xx = S(2) * curve.slope * x * x, yy = S(2) * curve.slope * y * y;
-      const S xy = S(2) * curve.slope * x * y;
-      const S radial = scale + S(2) * curve.slope * q;  // along the ray, x_d changes by this
-      *J << fx_ * inverse * (scale + xx), fx_ * inverse * xy, -fx_ * inverse * x * radial, fy_ * inverse * xy,
-          fy_ * inverse * (scale + yy), -fy_ * inverse * y * radial;
+      const S slope = S(2) * curve.slope, s_x = slope * x, s_y = slope * y, xy = s_x * y;
+      const S radial = plus(scale, slope, q);  // along the ray, x_d changes by this
+      const S u = fx_ * inverse, v = fy_ * inverse, ux = u * x, vy = v * y;
+      (*J)(0, 0) = u * plus(scale, s_x, x);
+      (*J)(0, 1) = u * xy;
+      (*J)(0, 2) = -(ux * radial);
+      (*J)(1, 0) = v * xy;
+      (*J)(1, 1) = v * plus(scale, s_y, y);
+      (*J)(1, 2) = -(vy * radial);
     }
-    return Vector2(fx_ * scale * x + cx_, fy_ * scale * y + cy_);
+    return Vector2(plus(cx_, fx_ * scale, x), plus(cy_, fy_ * scale, y));
   }
 
   /// Camera-frame point of a pixel at the depth z along the optical axis [m]; nullopt beyond max_angle().
@@ -78,12 +82,14 @@ class KannalaBrandt {
     using std::cos;
     using std::sin;
     using std::sqrt;
-    const S u = (x.x() - cx_) / fx_, v = (x.y() - cy_) / fy_, q = u * u + v * v;
+    const S from_x = x.x() - cx_, from_y = x.y() - cy_;
+    const S u = from_x / fx_, v = from_y / fy_, q = u * u + v * v;
     if (to_double(q) < 1e-12) return Vector3(u * z, v * z, z);  // theta^3 is below rounding
     const S theta_d = sqrt(q);
     const auto theta = angle(theta_d);
     if (!theta) return std::nullopt;
-    const S scale = sin(*theta) / (cos(*theta) * theta_d) * z;
+    const S sine = sin(*theta), cosine = cos(*theta), below = cosine * theta_d;
+    const S per_depth = sine / below, scale = per_depth * z;
     return Vector3(u * scale, v * scale, z);
   }
 
@@ -93,6 +99,10 @@ class KannalaBrandt {
   }
 
  private:
+  /// a + b c. Sums are built of it because each longer one is another expression type for a compiler to work
+  /// out where S is Eigen::AutoDiffScalar.
+  [[nodiscard]] static S plus(const S& a, const S& b, const S& c) { return a + b * c; }
+
   /// theta^2, theta_d / r and the latter's derivative by r^2, at q = r^2 = tan(theta)^2.
   struct Curve {
     S theta2, scale, slope;
@@ -102,17 +112,27 @@ class KannalaBrandt {
     using std::sqrt;
     S a, b;  // theta / r and its derivative by q
     if (q < S(1e-4)) {
-      a = S(1) - q * (S(1) / S(3) - q * (S(1) / S(5) - q / S(7)));
-      b = -S(1) / S(3) + q * (S(2) / S(5) - q * S(3) / S(7));
+      const S third = S(1) / S(3), minus = -q, q3 = q * S(3), q3_7 = q3 / S(7), q_7 = q / S(7);
+      const S a5 = S(1) / S(5), b5 = S(2) / S(5);
+      a = plus(S(1), minus, plus(third, minus, a5 - q_7));
+      b = plus(-third, q, b5 - q3_7);
     } else {
-      const S r = sqrt(q);
-      a = atan2(r, S(1)) / r;
-      b = (S(1) / (S(1) + q) - a) / (S(2) * q);
+      const S r = sqrt(q), theta = atan2(r, S(1)), above = S(1) + q, cosine2 = S(1) / above;
+      a = theta / r;
+      const S turn = cosine2 - a, q2 = S(2) * q;
+      b = turn / q2;
     }
-    const S t = q * a * a;
-    const S factor = S(1) + t * (k_(0) + t * (k_(1) + t * (k_(2) + t * k_(3))));
-    const S steep = k_(0) + t * (S(2) * k_(1) + t * (S(3) * k_(2) + t * S(4) * k_(3)));
-    return {t, a * factor, b * factor + a * steep * a * (a + S(2) * q * b)};
+    const S qa = q * a, t = qa * a, factor = factor_at(t);
+    const S steep = a * plus(k_(0), t, weighted(t, S(2), S(3), S(4))), twist = plus(a, S(2) * q, b);
+    return {t, a * factor, plus(b * factor, steep * a, twist)};
+  }
+  /// Of theta_d / theta, at t = theta^2.
+  [[nodiscard]] S factor_at(const S& t) const {
+    return plus(S(1), t, plus(k_(0), t, plus(k_(1), t, plus(k_(2), t, k_(3)))));
+  }
+  /// a k2 + b k3 t + c k4 t^2
+  [[nodiscard]] S weighted(const S& t, const S& a, const S& b, const S& c) const {
+    return plus(a * k_(1), t, plus(b * k_(2), t * c, k_(3)));
   }
 
   /// Inverse of theta_d by Newton's method, kept between the axis and max_angle() by bisection.
@@ -127,8 +147,9 @@ class KannalaBrandt {
       const S error = theta * factor(theta) - theta_d;
       (error < S(0) ? low : high) = theta;
       const S t = theta * theta;
-      const S slope = S(1) + t * (S(3) * k_(0) + t * (S(5) * k_(1) + t * (S(7) * k_(2) + t * S(9) * k_(3))));
-      S next = theta - error / slope;
+      const S slope = plus(S(1), t, plus(S(3) * k_(0), t, weighted(t, S(5), S(7), S(9))));
+      const S step = error / slope;
+      S next = theta - step;
       if (!(low <= next && next <= high)) next = S(0.5) * (low + high);
       const bool done = abs(next - theta) <= tolerance * (S(1) + theta);
       theta = next;
@@ -136,10 +157,7 @@ class KannalaBrandt {
     }
     return theta;
   }
-  [[nodiscard]] S factor(const S& theta) const {
-    const S t = theta * theta;
-    return S(1) + t * (k_(0) + t * (k_(1) + t * (k_(2) + t * k_(3))));
-  }
+  [[nodiscard]] S factor(const S& theta) const { return factor_at(theta * theta); }
 
   S fx_, fy_, cx_, cy_;
   Vector4 k_;

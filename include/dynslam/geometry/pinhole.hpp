@@ -35,14 +35,22 @@ class Pinhole {
     if (!(S(1e-6) < p.z())) return std::nullopt;
     const S inverse = S(1) / p.z();
     const S x = p.x() * inverse, y = p.y() * inverse;
-    if (J != nullptr) *J << fx_ * inverse, S(0), -fx_ * x * inverse, S(0), fy_ * inverse, -fy_ * y * inverse;
-    return Vector2(fx_ * x + cx_, fy_ * y + cy_);
+    const S u = fx_ * x, v = fy_ * y;
+    if (J != nullptr) {
+      (*J)(0, 0) = fx_ * inverse;
+      (*J)(1, 0) = (*J)(0, 1) = S(0);
+      (*J)(1, 1) = fy_ * inverse;
+      (*J)(0, 2) = -(u * inverse);
+      (*J)(1, 2) = -(v * inverse);
+    }
+    return Vector2(u + cx_, v + cy_);
   }
 
   /// Camera-frame point of a pixel at depth `z` along the optical axis [m]; never empty. `ray(x) * z` is the
   /// same without the `optional`.
   [[nodiscard]] std::optional<Vector3> unproject(const Vector2& x, const S& z) const {
-    return Vector3(ray(x) * z);
+    const Vector3 r = ray(x);
+    return Vector3(r.x() * z, r.y() * z, z);
   }
   /// Viewing ray with z = 1.
   [[nodiscard]] Vector3 ray(const Vector2& x) const {
@@ -50,7 +58,12 @@ class Pinhole {
   }
   [[nodiscard]] Matrix3 K() const {
     Matrix3 k;
-    k << fx_, S(0), cx_, S(0), fy_, cy_, S(0), S(0), S(1);
+    k(0, 0) = fx_;
+    k(1, 1) = fy_;
+    k(0, 2) = cx_;
+    k(1, 2) = cy_;
+    k(2, 2) = S(1);
+    k(1, 0) = k(2, 0) = k(0, 1) = k(2, 1) = S(0);
     return k;
   }
   [[nodiscard]] bool operator==(const Pinhole& other) const {

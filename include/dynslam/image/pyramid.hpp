@@ -30,13 +30,17 @@ concept ImagePyramidLike = requires(const P& pyramid, int level) {
 template <std::floating_point S, ImagePyramidLike P>
 [[nodiscard]] Eigen::Matrix<S, 2, 1> to_level(const P& pyramid, const Eigen::Matrix<S, 2, 1>& x, int level) {
   const Eigen::Vector2d scale = pyramid.scale(level);
-  return (x.array() + S(0.5)) / scale.cast<S>().array() - S(0.5);
+  constexpr S kHalf = S(0.5);
+  return Eigen::Matrix<S, 2, 1>((x.x() + kHalf) / static_cast<S>(scale.x()) - kHalf,
+                                (x.y() + kHalf) / static_cast<S>(scale.y()) - kHalf);
 }
 /// The way back: pixel of the base from a pixel of `level`.
 template <std::floating_point S, ImagePyramidLike P>
 [[nodiscard]] Eigen::Matrix<S, 2, 1> to_base(const P& pyramid, const Eigen::Matrix<S, 2, 1>& x, int level) {
   const Eigen::Vector2d scale = pyramid.scale(level);
-  return (x.array() + S(0.5)) * scale.cast<S>().array() - S(0.5);
+  constexpr S kHalf = S(0.5);
+  return Eigen::Matrix<S, 2, 1>((x.x() + kHalf) * static_cast<S>(scale.x()) - kHalf,
+                                (x.y() + kHalf) * static_cast<S>(scale.y()) - kHalf);
 }
 
 /// A pyramid of half sizes: each pixel is the mean of 2 x 2 of the level below it; an odd last row or column
@@ -72,7 +76,10 @@ class HalvingPyramid {
 
   [[nodiscard]] int size() const { return levels_; }
   [[nodiscard]] ImageView<const T> image(int i) const { return images_[static_cast<std::size_t>(i)].view(); }
-  [[nodiscard]] Eigen::Vector2d scale(int i) const { return pixel_size_ * static_cast<double>(1 << i); }
+  [[nodiscard]] Eigen::Vector2d scale(int i) const {
+    const auto pixels = static_cast<double>(1 << i);
+    return Eigen::Vector2d(pixel_size_.x() * pixels, pixel_size_.y() * pixels);
+  }
 
  private:
   static constexpr int kSmallest = 16;  // pixels: room for a patch and its search

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/LU>
 #include <array>
 #include <cmath>
 #include <concepts>
@@ -57,7 +56,6 @@ class AlignmentPatch {
   /// @param min_eigenvalue smallest accepted eigenvalue of the mean gradient product [grey^2/px^2]
   /// @return false where the template does not determine a position (flat, or a straight edge)
   bool set(std::span<const S, static_cast<std::size_t>(kBordered* kBordered)> bordered, S min_eigenvalue) {
-    Eigen::Matrix<S, 3, 3> H = Eigen::Matrix<S, 3, 3>::Zero();
     Row xx = Row::Zero(), xy = Row::Zero(), yy = Row::Zero(), x1 = Row::Zero(), y1 = Row::Zero();
     Row sum = Row::Zero(), sum2 = Row::Zero();
     for (int y = 0; y < N; ++y) {
@@ -76,22 +74,14 @@ class AlignmentPatch {
       sum += value_[k];
       sum2 += value_[k] * value_[k];
     }
-    H(0, 0) = xx.sum();
-    H(0, 1) = xy.sum();
-    H(1, 1) = yy.sum();
-    H(0, 2) = x1.sum();
-    H(1, 2) = y1.sum();
-    H(2, 2) = S(N * N);
-    H(1, 0) = H(0, 1);
-    H(2, 0) = H(0, 2);
-    H(2, 1) = H(1, 2);
+    const Symmetric H{xx.sum(), xy.sum(), x1.sum(), yy.sum(), y1.sum(), S(N * N)};
     mean_ = sum.sum() / S(N * N);
     variance_ = sum2.sum() / S(N * N) - mean_ * mean_;
-    const S trace = H(0, 0) + H(1, 1), gap = H(0, 0) - H(1, 1);
-    const S smallest = S(0.5) * (trace - std::sqrt(gap * gap + S(4) * H(0, 1) * H(0, 1)));
+    const S trace = H.xx + H.yy, gap = H.xx - H.yy;
+    const S smallest = S(0.5) * (trace - std::sqrt(gap * gap + S(4) * H.xy * H.xy));
     if (!(smallest > min_eigenvalue * S(N * N))) return false;
     inverse_ = H.inverse();
-    return inverse_.allFinite();
+    return inverse_.is_finite();
   }
 
   /// Finds the template in `image`, starting at `start`.
@@ -125,15 +115,20 @@ class AlignmentPatch {
         rb += r;
         top = bottom;
       }
-      const Eigen::Matrix<S, 3, 1> step = inverse_ * Eigen::Matrix<S, 3, 1>(rx.sum(), ry.sum(), rb.sum());
+      const S s_x = rx.sum(), s_y = ry.sum(), s_b = rb.sum();
+      const Symmetric& A = inverse_;
+      const S step_x = total(A.xx * s_x, A.xy * s_y, A.xz * s_b),
+              step_y = total(A.xy * s_x, A.yy * s_y, A.yz * s_b);
       ++result.iterations;
-      result.x -= step.template head<2>();
-      bias += step.z();
-      if (!((result.x - start).squaredNorm() < options.max_shift * options.max_shift)) {
+      result.x.x() -= step_x;
+      result.x.y() -= step_y;
+      bias += A.xz * s_x + (A.yz * s_y + A.zz * s_b);
+      const S shift_x = result.x.x() - start.x(), shift_y = result.x.y() - start.y();
+      if (!(shift_x * shift_x + shift_y * shift_y < options.max_shift * options.max_shift)) {
         result.status = PatchAlignmentStatus::too_far;
         return result;
       }
-      if (step.template head<2>().squaredNorm() < options.tolerance * options.tolerance) {
+      if (step_x * step_x + step_y * step_y < options.tolerance * options.tolerance) {
         result.correlation = correlation(sample);
         result.status = result.correlation >= options.min_correlation ? PatchAlignmentStatus::found
                                                                       : PatchAlignmentStatus::unlike;
@@ -145,6 +140,37 @@ class AlignmentPatch {
 
  private:
   using Row = Eigen::Array<S, N, 1>;
+
+  /// a + b + c in the order in which Eigen's products add: doubles from the left, floats from the right.
+  [[nodiscard]] static S total(S a, S b, S c) {
+    if constexpr (std::same_as<S, float>) {
+      return a + (b + c);
+    } else {
+      return a + b + c;
+    }
+  }
+
+  /// The symmetric matrix [xx xy xz; xy yy yz; xz yz zz].
+  struct Symmetric {
+    S xx = S(0), xy = S(0), xz = S(0), yy = S(0), yz = S(0), zz = S(0);
+
+    [[nodiscard]] Symmetric inverse() const {
+      const S c_xx = yy * zz - yz * yz, c_xy = yz * xz - xy * zz, c_xz = xy * yz - yy * xz;
+      const S scale = S(1) / total(c_xx * xx, c_xy * xy, c_xz * xz);
+      return {c_xx * scale,
+              c_xy * scale,
+              c_xz * scale,
+              (zz * xx - xz * xz) * scale,
+              (xz * xy - yz * xx) * scale,
+              (xx * yy - xy * xy) * scale};
+    }
+    [[nodiscard]] bool is_finite() const {
+      for (const S& a : {xx, xy, xz, yy, yz, zz}) {
+        if (!std::isfinite(a)) return false;
+      }
+      return true;
+    }
+  };
 
   /// N values between the pixels at `p` and their right neighbours.
   template <class P>
@@ -167,7 +193,7 @@ class AlignmentPatch {
   }
 
   std::array<Row, static_cast<std::size_t>(N)> value_{}, gx_{}, gy_{};
-  Eigen::Matrix<S, 3, 3> inverse_ = Eigen::Matrix<S, 3, 3>::Zero();
+  Symmetric inverse_;
   S mean_ = S(0), variance_ = S(0);
 };
 
