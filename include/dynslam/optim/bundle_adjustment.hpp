@@ -3,7 +3,6 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -17,6 +16,7 @@
 #include "dynslam/concepts/robust.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/optim/levenberg_marquardt.hpp"
+#include "dynslam/optim/normal_equations.hpp"
 #include "dynslam/optim/pose_residual.hpp"
 #include "dynslam/robust/t_distribution.hpp"
 
@@ -128,7 +128,7 @@ class BundleSolver {
     for (const BundleObservation<S>& o : problem_.observations) {
       if (o.pose < 0 || o.pose >= pose_count || o.point < last || o.point >= point_count)
         return BundleStatus::bad_input;
-      if (!o.x.allFinite()) return BundleStatus::bad_input;
+      if (!std::isfinite(o.x.x()) || !std::isfinite(o.x.y())) return BundleStatus::bad_input;
       last = o.point;
     }
     free_ = 0;
@@ -160,10 +160,12 @@ class BundleSolver {
   }
 
   void linearise() {
-    for (auto& U : ws_.U) U.setZero();
-    for (auto& b : ws_.b_pose) b.setZero();
-    for (auto& V : ws_.V) V.setZero();
-    for (auto& b : ws_.b_point) b.setZero();
+    const auto clear = [](auto& sums) {
+      for (auto& sum : sums) std::fill_n(sum.data(), sum.size(), S(0));
+    };
+    clear(ws_.U), clear(ws_.b_pose);
+    clear(ws_.V), clear(ws_.b_point);
+    clear(ws_.W);
     for (std::size_t k = 0; k < problem_.observations.size(); ++k) linearise(k);
   }
 
@@ -178,7 +180,7 @@ class BundleSolver {
     ws_.factor.compute(ws_.reduced);
     if (ws_.factor.info() != Eigen::Success) return false;
     ws_.step = ws_.factor.solve(ws_.rhs);
-    return ws_.step.allFinite();
+    return all_finite(ws_.step.data(), ws_.step.size());
   }
 
   [[nodiscard]] S apply() {
@@ -187,18 +189,19 @@ class BundleSolver {
     const auto& observations = problem_.observations;
     for (std::size_t first = 0; first < observations.size();) {
       const std::size_t j = point_of(observations[first]), last = end_of_point(first);
-      Vector3 b = -ws_.b_point[j];
+      Vector3 b(-ws_.b_point[j](0), -ws_.b_point[j](1), -ws_.b_point[j](2));
       for (std::size_t k = first; k < last; ++k) {
         const int c = column_of(observations[k]);
-        if (c >= 0) b.noalias() -= ws_.W[k].transpose() * ws_.step.template segment<6>(6 * c);
+        if (c < 0) continue;
+        for (int i = 0; i < 3; ++i) b(i) -= dot6(ws_.W[k].data() + 6 * i, ws_.step.data() + 6 * c);
       }
-      problem_.points[j] += ws_.V_inverse[j] * b;
+      const Vector3 step = product<S>(ws_.V_inverse[j], b);
+      for (int i = 0; i < 3; ++i) problem_.points[j](i) += step(i);
       first = last;
     }
     for (std::size_t i = 0; i < problem_.poses.size(); ++i) {
       if (ws_.column[i] < 0) continue;
-      const Eigen::Matrix<S, 6, 1> delta = ws_.step.template segment<6>(6 * ws_.column[i]);
-      problem_.poses[i] = SE3<S>::exp(delta) * problem_.poses[i];
+      problem_.poses[i] = SE3<S>::exp(Vector6(ws_.step.data() + 6 * ws_.column[i])) * problem_.poses[i];
     }
     trial_ = cost_now();
     return trial_.known;
@@ -218,7 +221,9 @@ class BundleSolver {
  private:
   using Matrix3 = Eigen::Matrix<S, 3, 3>;
   using Vector3 = Eigen::Matrix<S, 3, 1>;
+  using Vector6 = Eigen::Matrix<S, 6, 1>;
   using Matrix36 = Eigen::Matrix<S, 3, 6>;
+  using Matrix63 = Eigen::Matrix<S, 6, 3>;
   struct Cost {
     S known = S(0);  // of the observations that counted before
     S all = S(0);    // and of those that have come in front, for which the known ones cannot pay
@@ -273,33 +278,33 @@ class BundleSolver {
     const PoseObservation<S> single = pose_observation(o, problem_.points[j]);
     Vector3 r;
     Matrix36 J;
-    ws_.W[k].setZero();
     if (!pose_residual(camera_, T, single, r, &J)) return;
     const S weight = kernel_.weight(observation_chi2(single, r));
     const Vector3 information(weight * o.inv_sigma_px2, weight * o.inv_sigma_px2,
                               measures_depth(single) ? weight * o.inv_sigma_z2 : S(0));
     // The left three columns of J are the derivative by the point in the camera frame.
-    const Matrix3 J_point = J.template leftCols<3>() * T.rotation_matrix();
-    const Matrix3 weighted = information.asDiagonal() * J_point;
-    ws_.V[j].noalias() += J_point.transpose() * weighted;
-    ws_.b_point[j].noalias() += weighted.transpose() * r;
+    const Matrix3 J_point = product<S>(Matrix3(J.data()), T.rotation_matrix());
+    const Matrix3 weighted = scaled_rows<S>(information, J_point);
+    add_transposed_product<S>(J_point, weighted, ws_.V[j]);
+    add_transposed_product<S>(weighted, r, ws_.b_point[j]);
     const int c = column_of(o);
     if (c < 0) return;
-    ws_.W[k].noalias() = J.transpose() * weighted;
-    const Matrix36 weighted_pose = information.asDiagonal() * J;
-    ws_.U[static_cast<std::size_t>(c)].noalias() += J.transpose() * weighted_pose;
-    ws_.b_pose[static_cast<std::size_t>(c)].noalias() += weighted_pose.transpose() * r;
+    const Matrix36 weighted_pose = scaled_rows<S>(information, J);
+    add_transposed_product<S>(J, weighted, ws_.W[k]);
+    add_transposed_product<S>(J, weighted_pose, ws_.U[static_cast<std::size_t>(c)]);
+    add_transposed_product<S>(weighted_pose, r, ws_.b_pose[static_cast<std::size_t>(c)]);
   }
 
   /// The reduced system before the points are eliminated: blocks of the poses alone.
   void reduce_poses(const S& lambda) {
-    ws_.reduced.setZero();
+    std::fill_n(ws_.reduced.data(), ws_.reduced.size(), S(0));
     for (int c = 0; c < free_; ++c) {
-      Eigen::Matrix<S, 6, 6> U = ws_.U[static_cast<std::size_t>(c)];
-      U.diagonal() += lambda * U.diagonal();
-      U.diagonal().array() += std::numeric_limits<S>::min();
-      ws_.reduced.template block<6, 6>(6 * c, 6 * c) = U;
-      ws_.rhs.template segment<6>(6 * c) = -ws_.b_pose[static_cast<std::size_t>(c)];
+      const auto& U = ws_.U[static_cast<std::size_t>(c)];
+      for (int j = 0; j < 6; ++j) {
+        for (int i = 0; i < 6; ++i) ws_.reduced(6 * c + i, 6 * c + j) = U(i, j);
+        ws_.reduced(6 * c + j, 6 * c + j) = U(j, j) + lambda * U(j, j) + std::numeric_limits<S>::min();
+        ws_.rhs(6 * c + j) = -ws_.b_pose[static_cast<std::size_t>(c)](j);
+      }
     }
   }
 
@@ -308,26 +313,55 @@ class BundleSolver {
   void eliminate_point(std::size_t first, std::size_t last, const S& lambda) {
     const auto& observations = problem_.observations;
     const std::size_t j = point_of(observations[first]);
-    Matrix3 V = ws_.V[j];
-    V.diagonal() += lambda * V.diagonal();
-    const S scale = V.trace();
-    Matrix3 inverse = Matrix3::Zero();
-    if (scale > S(0)) {
-      V.diagonal().array() += options_.held_depth * scale;
-      inverse = V.inverse();
-    }
+    const Matrix3 inverse = held_inverse(ws_.V[j], lambda);
     ws_.V_inverse[j] = inverse;
     for (std::size_t a = first; a < last; ++a) {
       const int ca = column_of(observations[a]);
       if (ca < 0) continue;
-      const Eigen::Matrix<S, 6, 3> Y = ws_.W[a] * inverse;
-      ws_.rhs.template segment<6>(6 * ca).noalias() += Y * ws_.b_point[j];
+      Matrix63 Y;
+      for (int n = 0; n < 3; ++n) {
+        for (int m = 0; m < 6; ++m)
+          Y(m, n) = product_at(ws_.W[a], m, inverse(0, n), inverse(1, n), inverse(2, n));
+      }
+      const Vector3& b_point = ws_.b_point[j];
+      for (int m = 0; m < 6; ++m) ws_.rhs(6 * ca + m) += product_at(Y, m, b_point(0), b_point(1), b_point(2));
       for (std::size_t b = first; b < last; ++b) {
         const int cb = column_of(observations[b]);
-        if (cb < 0 || cb > ca) continue;  // the lower triangle
-        ws_.reduced.template block<6, 6>(6 * ca, 6 * cb).noalias() -= Y * ws_.W[b].transpose();
+        if (cb >= 0 && cb <= ca) subtract_block(Y, ws_.W[b], ca, cb);  // the lower triangle
       }
     }
+  }
+
+  /// Subtracts Y W^T from block (ca, cb) of the reduced system.
+  void subtract_block(const Matrix63& Y, const Matrix63& W, int ca, int cb) {
+    for (int n = 0; n < 6; ++n) {
+      S* column = ws_.reduced.data() + (6 * cb + n) * ws_.reduced.rows() + 6 * ca;
+      for (int m = 0; m < 6; ++m) column[m] -= product_at(Y, m, W(n, 0), W(n, 1), W(n, 2));
+    }
+  }
+
+  /// Inverse of a point's damped V; zero where it has no information.
+  [[nodiscard]] Matrix3 held_inverse(Matrix3 V, const S& lambda) const {
+    for (int i = 0; i < 3; ++i) V(i, i) += lambda * V(i, i);
+    const S scale = V(0, 0) + (V(1, 1) + V(2, 2));
+    if (!(scale > S(0))) return Matrix3::Zero();
+    for (int i = 0; i < 3; ++i) V(i, i) += options_.held_depth * scale;
+    const auto cofactor = [&V](int i, int j) {
+      const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+      return V(i1, j1) * V(i2, j2) - V(i1, j2) * V(i2, j1);
+    };
+    const S inverse_determinant =
+        S(1) / (cofactor(0, 0) * V(0, 0) + cofactor(1, 0) * V(1, 0) + cofactor(2, 0) * V(2, 0));
+    Matrix3 inverse;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) inverse(j, i) = cofactor(i, j) * inverse_determinant;
+    }
+    return inverse;
+  }
+
+  /// Coefficient of row m of A by the vector [x, y, z].
+  [[nodiscard]] static S product_at(const Matrix63& A, int m, const S& x, const S& y, const S& z) {
+    return A(m, 0) * x + A(m, 1) * y + A(m, 2) * z;
   }
 
   const Camera& camera_;

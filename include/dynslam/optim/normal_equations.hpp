@@ -8,6 +8,72 @@
 
 namespace dynslam {
 
+// Eigen's expressions cost the compiler seconds in every source that estimates a pose, so what is small is
+// spelled out, in the order in which Eigen adds.
+namespace detail {
+
+template <class S>
+[[nodiscard]] bool all_finite(const S* values, Eigen::Index n) {
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const S difference = values[i] - values[i];
+    if (!(difference == S(0))) return false;  // NaN and infinity
+  }
+  return true;
+}
+
+/// Dot product of six numbers, in the order in which Eigen adds pairs of doubles.
+template <class S>
+[[nodiscard]] S dot6(const S* a, const S* b) {
+  return (a[0] * b[0] + (a[2] * b[2] + a[4] * b[4])) + (a[1] * b[1] + (a[3] * b[3] + a[5] * b[5]));
+}
+
+/// diag(scale) A
+template <class S, int C>
+[[nodiscard]] Eigen::Matrix<S, 3, C> scaled_rows(const Eigen::Matrix<S, 3, 1>& scale,
+                                                 const Eigen::Matrix<S, 3, C>& A) {
+  Eigen::Matrix<S, 3, C> result;
+  for (int j = 0; j < C; ++j) {
+    for (int i = 0; i < 3; ++i) result(i, j) = scale(i) * A(i, j);
+  }
+  return result;
+}
+
+/// sum += A^T B
+template <class S, int R, int C>
+void add_transposed_product(const Eigen::Matrix<S, 3, R>& A, const Eigen::Matrix<S, 3, C>& B,
+                            Eigen::Matrix<S, R, C>& sum) {
+  for (int j = 0; j < C; ++j) {
+    for (int i = 0; i < R; ++i) sum(i, j) += A(0, i) * B(0, j) + A(1, i) * B(1, j) + A(2, i) * B(2, j);
+  }
+}
+
+/// A B
+template <class S, int C>
+[[nodiscard]] Eigen::Matrix<S, 6, C> product6(const Eigen::Matrix<S, 6, 6>& A,
+                                              const Eigen::Matrix<S, 6, C>& B) {
+  Eigen::Matrix<S, 6, C> result;
+  for (int j = 0; j < C; ++j) {
+    for (int i = 0; i < 6; ++i) {
+      result(i, j) = A(i, 0) * B(0, j) + A(i, 1) * B(1, j) + A(i, 2) * B(2, j) + A(i, 3) * B(3, j) +
+                     A(i, 4) * B(4, j) + A(i, 5) * B(5, j);
+    }
+  }
+  return result;
+}
+
+/// A^T B
+template <class S>
+[[nodiscard]] Eigen::Matrix<S, 6, 6> transposed_product6(const Eigen::Matrix<S, 6, 6>& A,
+                                                         const Eigen::Matrix<S, 6, 6>& B) {
+  Eigen::Matrix<S, 6, 6> result;
+  for (int j = 0; j < 6; ++j) {
+    for (int i = 0; i < 6; ++i) result(i, j) = dot6(A.data() + 6 * i, B.data() + 6 * j);
+  }
+  return result;
+}
+
+}  // namespace detail
+
 /// Normal equations H delta = -b of weighted least squares with N parameters; only the lower
 /// triangle of H is accumulated.
 template <Scalar S, int N>
@@ -46,7 +112,7 @@ class NormalEquations {
     if (!factor.compute(damped)) return false;
     const Vector step = factor.solve(b_);
     for (int i = 0; i < N; ++i) delta(i) = -step(i);
-    return finite(delta.data(), N);
+    return detail::all_finite(delta.data(), N);
   }
 
   /// Inverse of H; false where the system does not determine all parameters.
@@ -54,21 +120,19 @@ class NormalEquations {
     SmallCholesky<S, N> factor;
     if (!factor.compute(H_)) return false;
     out = factor.inverse();
-    return finite(out.data(), N * N);
+    return detail::all_finite(out.data(), N * N);
   }
 
-  [[nodiscard]] Matrix hessian() const { return H_.template selfadjointView<Eigen::Lower>(); }
+  [[nodiscard]] Matrix hessian() const {
+    Matrix H = H_;
+    for (int j = 1; j < N; ++j) {
+      for (int i = 0; i < j; ++i) H(i, j) = H(j, i);
+    }
+    return H;
+  }
   [[nodiscard]] const Vector& gradient() const { return b_; }
 
  private:
-  [[nodiscard]] static bool finite(const S* values, int n) {
-    for (int i = 0; i < n; ++i) {
-      const S difference = values[i] - values[i];
-      if (!(difference == S(0))) return false;  // NaN and infinity
-    }
-    return true;
-  }
-
   Matrix H_ = Matrix::Zero();
   Vector b_ = Vector::Zero();
 };

@@ -37,7 +37,9 @@ class PoseEquations {
   /// @param pixel_weight, depth_weight  of the squares of r's first two components and of the third
   void add(const Eigen::Matrix<S, 2, 3>& dx, const Vector3& p, const Vector3& r, const S& pixel_weight,
            const S& depth_weight) {
-    const Eigen::Matrix<S, 2, 3> weighted = pixel_weight * dx;
+    Eigen::Matrix<S, 2, 3> weighted;
+    for (int i = 0; i < 3; ++i)
+      weighted(0, i) = pixel_weight * dx(0, i), weighted(1, i) = pixel_weight * dx(1, i);
     const auto product = [&](int i, int j) -> S {
       return weighted(0, i) * dx(0, j) + weighted(1, i) * dx(1, j);
     };
@@ -46,10 +48,11 @@ class PoseEquations {
     a01_ += a01;
     const S x = p.x(), y = p.y(), z = p.z();
     Eigen::Matrix<S, 3, 3> B;
-    B << a02 * y - a01 * z, a00 * z - a02 * x, a01 * x - a00 * y,  //
-        a12 * y - a11 * z, a01 * z - a12 * x, a11 * x - a01 * y,   //
-        a22 * y - a12 * z, a02 * z - a22 * x, a12 * x - a02 * y;
-    Vector3 force = weighted.transpose() * r.template head<2>();
+    B(0, 0) = a02 * y - a01 * z, B(0, 1) = a00 * z - a02 * x, B(0, 2) = a01 * x - a00 * y;
+    B(1, 0) = a12 * y - a11 * z, B(1, 1) = a01 * z - a12 * x, B(1, 2) = a11 * x - a01 * y;
+    B(2, 0) = a22 * y - a12 * z, B(2, 1) = a02 * z - a22 * x, B(2, 2) = a12 * x - a02 * y;
+    Vector3 force;
+    for (int i = 0; i < 3; ++i) force(i) = weighted(0, i) * r.x() + weighted(1, i) * r.y();
     force.z() += depth_weight * r.z();
     add_blocks({a00, a11, a02, a12, a22}, B, force, p);
   }
@@ -68,9 +71,9 @@ class PoseEquations {
     const S a00 = wa * a, a11 = wb * b, a02 = wa * c, a12 = wb * d, a22 = wc * c + wd * d + depth_weight;
     const S x = p.x(), y = p.y(), z = p.z();
     Eigen::Matrix<S, 3, 3> B;
-    B << a02 * y, a00 * z - a02 * x, -a00 * y,  //
-        a12 * y - a11 * z, -a12 * x, a11 * x,   //
-        a22 * y - a12 * z, a02 * z - a22 * x, a12 * x - a02 * y;
+    B(0, 0) = a02 * y, B(0, 1) = a00 * z - a02 * x, B(0, 2) = -a00 * y;
+    B(1, 0) = a12 * y - a11 * z, B(1, 1) = -a12 * x, B(1, 2) = a11 * x;
+    B(2, 0) = a22 * y - a12 * z, B(2, 1) = a02 * z - a22 * x, B(2, 2) = a12 * x - a02 * y;
     const Vector3 force(wa * r.x(), wb * r.y(), wc * r.x() + wd * r.y() + depth_weight * r.z());
     add_blocks({a00, a11, a02, a12, a22}, B, force, p);
   }
@@ -83,7 +86,6 @@ class PoseEquations {
     H(2, 0) = a_[2];
     H(2, 1) = a_[3];
     H(2, 2) = a_[4];
-    H.template bottomLeftCorner<3, 3>() = B_.transpose();
     H(3, 3) = c_[0];
     H(4, 3) = c_[1];
     H(4, 4) = c_[2];
@@ -91,7 +93,11 @@ class PoseEquations {
     H(5, 4) = c_[4];
     H(5, 5) = c_[5];
     Eigen::Matrix<S, 6, 1> b;
-    b << force_, torque_;
+    for (int i = 0; i < 3; ++i) {
+      b(i) = force_(i);
+      b(i + 3) = torque_(i);
+      for (int j = 0; j < 3; ++j) H(i + 3, j) = B_(j, i);
+    }
     system.assign(H, b);
   }
 
@@ -100,16 +106,17 @@ class PoseEquations {
                   const Vector3& p) {
     const S x = p.x(), y = p.y(), z = p.z();
     for (std::size_t k = 0; k < a.size(); ++k) a_[k] += a[k];
-    B_ += B;
+    for (int k = 0; k < 9; ++k) B_.data()[k] += B.data()[k];
     c_[0] += y * B(2, 0) - z * B(1, 0);
     c_[1] += z * B(0, 0) - x * B(2, 0);
     c_[2] += z * B(0, 1) - x * B(2, 1);
     c_[3] += x * B(1, 0) - y * B(0, 0);
     c_[4] += x * B(1, 1) - y * B(0, 1);
     c_[5] += x * B(1, 2) - y * B(0, 2);
-    force_ += force;
-    torque_ +=
-        Vector3(y * force.z() - z * force.y(), z * force.x() - x * force.z(), x * force.y() - y * force.x());
+    for (int i = 0; i < 3; ++i) force_(i) += force(i);
+    torque_(0) += y * force.z() - z * force.y();
+    torque_(1) += z * force.x() - x * force.z();
+    torque_(2) += x * force.y() - y * force.x();
   }
 
   std::array<S, 5> a_{S(0), S(0), S(0), S(0), S(0)};  // A: 00, 11, 02, 12, 22

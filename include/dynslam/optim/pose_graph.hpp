@@ -16,6 +16,7 @@
 #include "dynslam/concepts/robust.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/optim/levenberg_marquardt.hpp"
+#include "dynslam/optim/normal_equations.hpp"
 #include "dynslam/robust/kernels.hpp"
 
 namespace dynslam {
@@ -92,9 +93,12 @@ template <Scalar S>
   const SE3<S> relative = T_j_w * T_i_w.inverse();
   const Eigen::Matrix<S, 6, 1> e = (relative * T_j_i.inverse()).log();
   if (J_i != nullptr || J_j != nullptr) {
-    const Eigen::Matrix<S, 6, 6> J = SE3<S>::left_jacobian_inverse(e);
-    if (J_i != nullptr) *J_i = -J * relative.adjoint();
+    Eigen::Matrix<S, 6, 6> J = SE3<S>::left_jacobian_inverse(e);
     if (J_j != nullptr) *J_j = J;
+    if (J_i != nullptr) {
+      for (int k = 0; k < 36; ++k) J.data()[k] = -J.data()[k];
+      *J_i = detail::product6<S>(J, relative.adjoint());
+    }
   }
   return e;
 }
@@ -138,14 +142,14 @@ class PoseGraphSolver {
     S sum = S(0);
     for (const auto& e : graph_.edges) {
       const Vector6 r = pose_graph_residual<S>(pose(e.i), pose(e.j), e.T_j_i, nullptr, nullptr);
-      sum += kernel_.rho(r.dot(e.information * r));
+      sum += kernel_.rho(chi2(e, r));
     }
     return sum;
   }
 
   void linearise() {
     std::fill(ws_.H.valuePtr(), ws_.H.valuePtr() + ws_.H.nonZeros(), S(0));
-    ws_.b.setZero();
+    std::fill_n(ws_.b.data(), ws_.b.size(), S(0));
     for (const auto& e : graph_.edges) add_edge(e);
     for (int k = 0; k < 6 * free_; ++k) ws_.undamped(k) = diagonal(k);
   }
@@ -157,14 +161,14 @@ class PoseGraphSolver {
     ws_.factor.factorize(ws_.H);
     if (ws_.factor.info() != Eigen::Success) return false;
     ws_.step = ws_.factor.solve(ws_.b);
-    return ws_.step.allFinite();
+    return all_finite(ws_.step.data(), ws_.step.size());
   }
 
   [[nodiscard]] S apply() {
     std::copy(graph_.poses.begin(), graph_.poses.end(), ws_.before.begin());
     for (std::size_t k = 0; k < graph_.poses.size(); ++k) {
       if (ws_.column[k] < 0) continue;
-      const Vector6 delta = ws_.step.template segment<6>(6 * ws_.column[k]);
+      const Vector6 delta(ws_.step.data() + 6 * ws_.column[k]);
       graph_.poses[k] = SE3<S>::exp(delta) * graph_.poses[k];
     }
     return cost();
@@ -182,6 +186,9 @@ class PoseGraphSolver {
 
   [[nodiscard]] const SE3<S>& pose(int k) const { return graph_.poses[static_cast<std::size_t>(k)]; }
   [[nodiscard]] int column(int k) const { return ws_.column[static_cast<std::size_t>(k)]; }
+  [[nodiscard]] static S chi2(const PoseGraphEdge<S>& e, const Vector6& r) {
+    return dot6(r.data(), product6<S>(e.information, r).data());
+  }
 
   /// Pattern of the lower triangle in blocks of six.
   void find_pattern() {
@@ -210,14 +217,17 @@ class PoseGraphSolver {
   void add_edge(const PoseGraphEdge<S>& e) {
     std::array<Matrix6, 2> J;
     const Vector6 r = pose_graph_residual<S>(pose(e.i), pose(e.j), e.T_j_i, &J[0], &J[1]);
-    const Matrix6 information = kernel_.weight(r.dot(e.information * r)) * e.information;
+    const S weight = kernel_.weight(chi2(e, r));
+    Matrix6 information;
+    for (int k = 0; k < 36; ++k) information.data()[k] = weight * e.information.data()[k];
     const std::array<int, 2> c{column(e.i), column(e.j)};
     for (std::size_t a = 0; a < 2; ++a) {
       if (c[a] < 0) continue;
-      const Matrix6 weighted = J[a].transpose() * information;
-      ws_.b.template segment<6>(6 * c[a]) -= weighted * r;
-      add_block(c[a], c[a], weighted * J[a]);
-      if (c[1 - a] >= 0 && c[a] > c[1 - a]) add_block(c[a], c[1 - a], weighted * J[1 - a]);
+      const Matrix6 weighted = transposed_product6<S>(J[a], information);
+      const Vector6 force = product6<S>(weighted, r);
+      for (int k = 0; k < 6; ++k) ws_.b(6 * c[a] + k) -= force(k);
+      add_block(c[a], c[a], product6<S>(weighted, J[a]));
+      if (c[1 - a] >= 0 && c[a] > c[1 - a]) add_block(c[a], c[1 - a], product6<S>(weighted, J[1 - a]));
     }
   }
   void add_block(int row, int c, const Matrix6& block) {

@@ -38,7 +38,7 @@ template <Scalar S, CameraOf<S> Camera>
                                   const PoseObservation<S>& o, Eigen::Matrix<S, 3, 1>& r) {
   const auto x = camera.project(p);
   if (!x) return false;
-  r << x->x() - o.x.x(), x->y() - o.x.y(), p.z() - o.depth;
+  r = Eigen::Matrix<S, 3, 1>(x->x() - o.x.x(), x->y() - o.x.y(), p.z() - o.depth);
   return true;
 }
 
@@ -50,7 +50,7 @@ template <Scalar S, DifferentiableCameraOf<S> Camera>
                                   std::type_identity_t<Eigen::Matrix<S, 2, 3>>* dx) {
   const auto x = camera.project(p, dx);
   if (!x) return false;
-  r << x->x() - o.x.x(), x->y() - o.x.y(), p.z() - o.depth;
+  r = Eigen::Matrix<S, 3, 1>(x->x() - o.x.x(), x->y() - o.x.y(), p.z() - o.depth);
   return true;
 }
 
@@ -74,11 +74,15 @@ template <Scalar S, DifferentiableCameraOf<S> Camera, class Transform>
   Eigen::Matrix<S, 2, 3> dx;
   if (!point_residual(camera, p, o, r, J != nullptr ? &dx : nullptr)) return false;
   if (J != nullptr) {  // d p / d delta = [I, -hat(p)]
-    Eigen::Matrix<S, 3, 6> dp;
-    dp << S(1), S(0), S(0), S(0), p.z(), -p.y(), S(0), S(1), S(0), -p.z(), S(0), p.x(), S(0), S(0), S(1),
-        p.y(), -p.x(), S(0);
-    J->template topRows<2>().noalias() = dx * dp;
-    J->row(2) = dp.row(2);
+    for (int i = 0; i < 3; ++i) {
+      const S a = i < 2 ? dx(i, 0) : S(0), b = i < 2 ? dx(i, 1) : S(0), c = i < 2 ? dx(i, 2) : S(1);
+      (*J)(i, 0) = a;
+      (*J)(i, 1) = b;
+      (*J)(i, 2) = c;
+      (*J)(i, 3) = c * p.y() - b * p.z();
+      (*J)(i, 4) = a * p.z() - c * p.x();
+      (*J)(i, 5) = b * p.x() - a * p.y();
+    }
   }
   return true;
 }
