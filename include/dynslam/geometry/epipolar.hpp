@@ -33,10 +33,11 @@ template <Scalar S>
 [[nodiscard]] Eigen::Matrix<S, 3, 1> epipolar_line(const Eigen::Matrix<S, 3, 3>& F,
                                                    const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x) {
   using std::sqrt;
-  const Eigen::Matrix<S, 3, 1> line = F * x.homogeneous();
-  const S norm = sqrt(line.x() * line.x() + line.y() * line.y());
-  if (!(S(0) < norm)) return Eigen::Matrix<S, 3, 1>::Zero();
-  return line / norm;
+  const S a = F(0, 0) * x[0] + F(0, 1) * x[1] + F(0, 2), b = F(1, 0) * x[0] + F(1, 1) * x[1] + F(1, 2),
+          c = F(2, 0) * x[0] + F(2, 1) * x[1] + F(2, 2);
+  const S norm = sqrt(a * a + b * b);
+  if (!(S(0) < norm)) return {S(0), S(0), S(0)};
+  return {a / norm, b / norm, c / norm};
 }
 
 /// Distance of the match x_m to the epipolar line of x [px] (Eq 8 as a distance).
@@ -45,7 +46,8 @@ template <Scalar S>
                               const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x,
                               const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x_m) {
   using std::abs;
-  return abs(epipolar_line<S>(F, x).dot(x_m.homogeneous()));
+  const Eigen::Matrix<S, 3, 1> line = epipolar_line<S>(F, x);
+  return abs(line[0] * x_m[0] + line[1] * x_m[1] + line[2]);
 }
 
 /// Sampson's first-order geometric error, squared [px^2]; infinite where its gradient vanishes.
@@ -53,9 +55,12 @@ template <Scalar S>
 [[nodiscard]] S sampson_distance_squared(const Eigen::Matrix<S, 3, 3>& F,
                                          const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x,
                                          const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x_m) {
-  const Eigen::Matrix<S, 3, 1> l = F * x.homogeneous(), l_m = F.transpose() * x_m.homogeneous();
-  const S e = x_m.homogeneous().dot(l);
-  const S gradient = l.x() * l.x() + l.y() * l.y() + l_m.x() * l_m.x() + l_m.y() * l_m.y();
+  const S a = F(0, 0) * x[0] + F(0, 1) * x[1] + F(0, 2), b = F(1, 0) * x[0] + F(1, 1) * x[1] + F(1, 2),
+          c = F(2, 0) * x[0] + F(2, 1) * x[1] + F(2, 2);  // the line of x
+  const S a_m = F(0, 0) * x_m[0] + F(1, 0) * x_m[1] + F(2, 0),
+          b_m = F(0, 1) * x_m[0] + F(1, 1) * x_m[1] + F(2, 1);
+  const S e = x_m[0] * a + x_m[1] * b + c;
+  const S gradient = a * a + b * b + a_m * a_m + b_m * b_m;
   if (!(S(0) < gradient)) return std::numeric_limits<S>::infinity();
   return e * e / gradient;
 }
@@ -65,8 +70,10 @@ template <Scalar S>
 [[nodiscard]] Eigen::Matrix<S, 3, 3> fundamental_from_pose(const Pinhole<S>& reference,
                                                            const Pinhole<S>& current,
                                                            const SE3<S>& T_cur_ref) {
-  return current.K().inverse().transpose() * SO3<S>::hat(T_cur_ref.translation()) *
-         T_cur_ref.rotation_matrix() * reference.K().inverse();
+  using Matrix3 = Eigen::Matrix<S, 3, 3>;
+  const Matrix3 K_inverse = reference.K().inverse(), K_cur_inverse = current.K().inverse();
+  const Matrix3 left = detail::product<S>(K_cur_inverse.transpose(), SO3<S>::hat(T_cur_ref.translation()));
+  return detail::product<S>(detail::product<S>(left, T_cur_ref.rotation_matrix()), K_inverse);
 }
 
 /// Whether two views are far enough apart for epipolar geometry to mean something.
@@ -114,10 +121,11 @@ template <std::floating_point S>
   }
   Matrix9 AtA = Matrix9::Zero();
   for (std::size_t k = 0; k < n; ++k) {
-    const Eigen::Matrix<W, 3, 1> p = T * first(k).homogeneous(), q = T_m * second(k).homogeneous();
-    Eigen::Matrix<W, 9, 1> a;
-    a << q.x() * p, q.y() * p, p;
-    AtA.template selfadjointView<Eigen::Lower>().rankUpdate(a);
+    const Eigen::Matrix<W, 3, 1> p = detail::normalised<W>(T, first(k)),
+                                 q = detail::normalised<W>(T_m, second(k));
+    const W a[9] = {q[0] * p[0], q[0] * p[1], q[0] * p[2], q[1] * p[0], q[1] * p[1],
+                    q[1] * p[2], p[0],        p[1],        p[2]};
+    detail::add_square(a, AtA);
   }
   const Eigen::SelfAdjointEigenSolver<Matrix9> eigen(AtA);
   if (eigen.info() != Eigen::Success) return std::nullopt;
@@ -125,15 +133,19 @@ template <std::floating_point S>
   if (!(eigen.eigenvalues()(1) > W(1e3) * Eigen::NumTraits<W>::epsilon() * eigen.eigenvalues()(8)))
     return std::nullopt;
   const Eigen::Matrix<W, 9, 1> f = eigen.eigenvectors().col(0);
-  Matrix3 F;
-  F << f(0), f(1), f(2), f(3), f(4), f(5), f(6), f(7), f(8);
+  Matrix3 F = detail::as_matrix(f);
   Eigen::JacobiSVD<Matrix3> svd(F, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Matrix<W, 3, 1> d = svd.singularValues();
   d.z() = W(0);
-  F = T_m.transpose() * (svd.matrixU() * d.asDiagonal() * svd.matrixV().transpose()) * T;
+  Matrix3 U = svd.matrixU();
+  for (int c = 0; c < 3; ++c) {
+    for (int r = 0; r < 3; ++r) U(r, c) *= d[c];
+  }
+  const Matrix3 V_T = svd.matrixV().transpose(), rank2 = detail::product<W>(U, V_T);
+  F = detail::product<W>(detail::product<W>(T_m.transpose(), rank2), T);
   const W norm = F.norm();
   if (!(norm > W(0)) || !std::isfinite(norm)) return std::nullopt;
-  return (F / norm).template cast<S>();
+  return detail::divided<S>(F, norm);
 }
 
 /// Options of fundamental_ransac; the threshold is of Sampson's distance.
@@ -195,39 +207,56 @@ class FundamentalSearch {
   }
 
   [[nodiscard]] bool near(const Eigen::Matrix<W, 3, 3>& F, std::size_t i) const {
-    return sampson_distance_squared<W>(F, matches_.first(i).head<2>(), matches_.second(i).head<2>()) <=
-           limit_;
+    const Eigen::Vector3d p = matches_.first(i), q = matches_.second(i);
+    return sampson_distance_squared<W>(F, {p[0], p[1]}, {q[0], q[1]}) <= limit_;
   }
 
   /// Least squares of Sampson's distances of the inliers of F: the eight-point equations, each weighed by its
   /// gradient at F, then the nearest matrix of rank 2.
   [[nodiscard]] std::optional<Eigen::Matrix<W, 3, 3>> refit(const Eigen::Matrix<W, 3, 3>& F, double wide) {
-    const auto x = matches_.fine(0), y = matches_.fine(1), x_m = matches_.fine(2), y_m = matches_.fine(3);
-    a_ = F(0, 0) * x + F(0, 1) * y + F(0, 2);
-    b_ = F(1, 0) * x + F(1, 1) * y + F(1, 2);
-    e_ = a_ * x_m + b_ * y_m + (F(2, 0) * x + F(2, 1) * y + F(2, 2));
-    weight_ = a_.square() + b_.square() + (F(0, 0) * x_m + F(1, 0) * y_m + F(2, 0)).square() +
-              (F(0, 1) * x_m + F(1, 1) * y_m + F(2, 1)).square();
-    for (Eigen::Index i = 0; i < weight_.size(); ++i)
-      weight_(i) = e_(i) * e_(i) <= wide * limit_ * weight_(i) && weight_(i) > 0 ? 1 / weight_(i) : 0.0;
+    const std::size_t n = matches_.size();
+    const double f00 = F(0, 0), f01 = F(0, 1), f02 = F(0, 2), f10 = F(1, 0), f11 = F(1, 1), f12 = F(1, 2),
+                 f20 = F(2, 0), f21 = F(2, 1), f22 = F(2, 2), far = wide * limit_;
+    const double *x = matches_.fine(0), *y = matches_.fine(1), *x_m = matches_.fine(2),
+                 *y_m = matches_.fine(3);
+    weights_.resize(6 * n);
+    double *w = weights_.data(), *w_x = w + n, *w_y = w_x + n, *w_xy = w_y + n, *w_xx = w_xy + n,
+           *w_yy = w_xx + n;
+    for (std::size_t i = 0; i < n; ++i) {
+      const double a = f00 * x[i] + f01 * y[i] + f02, b = f10 * x[i] + f11 * y[i] + f12;
+      const double e = a * x_m[i] + b * y_m[i] + (f20 * x[i] + f21 * y[i] + f22);
+      const double c = f00 * x_m[i] + f10 * y_m[i] + f20, d = f01 * x_m[i] + f11 * y_m[i] + f21;
+      const double gradient = a * a + b * b + c * c + d * d;
+      w[i] = e * e <= far * gradient && gradient > 0 ? 1 / gradient : 0.0;
+      w_x[i] = w[i] * x_m[i];
+      w_y[i] = w[i] * y_m[i];
+      w_xy[i] = w_x[i] * y_m[i];
+      w_xx[i] = w_x[i] * x_m[i];
+      w_yy[i] = w_y[i] * y_m[i];
+    }
     Eigen::Matrix<W, 9, 9> A;
-    const auto fill = [&](Eigen::Index i, Eigen::Index j, const Eigen::ArrayX<W>& w) {
-      A.template block<3, 3>(3 * i, 3 * j) = A.template block<3, 3>(3 * j, 3 * i) = matches_.moments(w);
+    const auto fill = [&](Eigen::Index i, Eigen::Index j, const double* weights) {
+      const Eigen::Matrix<W, 3, 3> m = matches_.moments(weights);
+      put_block(A, i, j, m);
+      put_block(A, j, i, m);
     };
-    fill(2, 2, weight_);
-    fill(0, 2, a_ = weight_ * x_m);
-    fill(1, 2, b_ = weight_ * y_m);
-    fill(0, 1, e_ = a_ * y_m);
-    fill(0, 0, a_ = a_ * x_m);
-    fill(1, 1, b_ = b_ * y_m);
+    fill(2, 2, w);
+    fill(0, 2, w_x);
+    fill(1, 2, w_y);
+    fill(0, 1, w_xy);
+    fill(0, 0, w_xx);
+    fill(1, 1, w_yy);
     const auto f = smallest_eigenvector(A, as_vector(F));
     if (!f) return std::nullopt;
     // Without the direction that it maps to the least: the eigenvector of F^T F with the smallest eigenvalue.
     const Eigen::Matrix<W, 3, 3> m = as_matrix(*f);
     Eigen::SelfAdjointEigenSolver<Eigen::Matrix<W, 3, 3>> eigen;
     eigen.computeDirect(m.transpose() * m);
-    const Eigen::Matrix<W, 3, 1> null = eigen.eigenvectors().col(0);
-    Eigen::Matrix<W, 3, 3> rank2 = m - m * null * null.transpose();
+    const Eigen::Matrix<W, 3, 1> null = eigen.eigenvectors().col(0), m_null = product<W>(m, null);
+    Eigen::Matrix<W, 3, 3> rank2;
+    for (int c = 0; c < 3; ++c) {
+      for (int r = 0; r < 3; ++r) rank2(r, c) = m(r, c) - m_null[r] * null[c];
+    }
     rank2 /= rank2.norm();
     return rank2.allFinite() ? std::optional<Eigen::Matrix<W, 3, 3>>(rank2) : std::nullopt;
   }
@@ -235,7 +264,7 @@ class FundamentalSearch {
  private:
   const NormalisedMatches& matches_;
   double limit_;
-  Eigen::ArrayX<W> a_, b_, e_, weight_;
+  std::vector<double> weights_;
 };
 }  // namespace detail
 
@@ -268,10 +297,7 @@ void leave_plane(const NormalisedMatches& matches, W limit, std::uint64_t seed,
     std::array<std::size_t, 4> sample{};
     draw(sample);
     Eigen::Matrix<W, 3, 4> p, q;
-    for (std::size_t j = 0; j < 4; ++j) {
-      p.col(static_cast<Eigen::Index>(j)) = matches.first(sample[j]);
-      q.col(static_cast<Eigen::Index>(j)) = matches.second(sample[j]);
-    }
+    for (std::size_t j = 0; j < 4; ++j) matches.copy_points(sample[j], p.data() + 3 * j, q.data() + 3 * j);
     if (const auto H = homography_four_point(p, q)) plane.consider(*H, 4);
   }
   if (2 * plane.inliers() < best.inliers()) return;
@@ -282,10 +308,10 @@ void leave_plane(const NormalisedMatches& matches, W limit, std::uint64_t seed,
     std::array<std::size_t, 2> pair{};
     draw(pair);
     const auto line = [&](std::size_t i) {
-      return Eigen::Matrix<W, 3, 1>((H * matches.first(i)).cross(matches.second(i)));
+      return Eigen::Matrix<W, 3, 1>(product<W>(H, matches.first(i)).cross(matches.second(i)));
     };
     const Eigen::Matrix<W, 3, 1> e = line(pair[0]).cross(line(pair[1]));
-    const Eigen::Matrix<W, 3, 3> F = SO3<W>::hat(e) * H;
+    const Eigen::Matrix<W, 3, 3> F = product<W>(SO3<W>::hat(e), H);
     const W norm = F.norm();
     if (norm > 0 && std::isfinite(norm)) best.consider(F / norm, 7);
   }
@@ -312,10 +338,8 @@ template <std::floating_point S>
   result.iterations = detail::search_models<7, S>(
       n, options, best, [&](const std::array<std::size_t, 7>& sample, const auto& consider) {
         Eigen::Matrix<double, 3, 7> p, q;
-        for (std::size_t k = 0; k < 7; ++k) {
-          p.col(static_cast<Eigen::Index>(k)) = matches.first(sample[k]);
-          q.col(static_cast<Eigen::Index>(k)) = matches.second(sample[k]);
-        }
+        for (std::size_t k = 0; k < 7; ++k)
+          matches.copy_points(sample[k], p.data() + 3 * k, q.data() + 3 * k);
         std::array<Eigen::Matrix3d, 3> F;
         const int hypotheses = fundamental_seven_point(p, q, F);
         for (int k = 0; k < hypotheses; ++k) consider(F[static_cast<std::size_t>(k)]);

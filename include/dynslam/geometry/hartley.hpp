@@ -12,16 +12,57 @@ namespace detail {
 /// Similarity that moves points to their centroid and their mean distance to sqrt(2) (Hartley 1997).
 template <std::floating_point S, class Point>
 [[nodiscard]] bool normalising_transform(std::size_t n, const Point& point, Eigen::Matrix<S, 3, 3>& T) {
-  Eigen::Matrix<S, 2, 1> mean = Eigen::Matrix<S, 2, 1>::Zero();
-  for (std::size_t i = 0; i < n; ++i) mean += point(i);
-  mean /= static_cast<S>(n);
+  S mean_x = S(0), mean_y = S(0);
+  for (std::size_t i = 0; i < n; ++i) {
+    const Eigen::Matrix<S, 2, 1> p = point(i);
+    mean_x += p[0];
+    mean_y += p[1];
+  }
+  mean_x /= static_cast<S>(n);
+  mean_y /= static_cast<S>(n);
   S distance = S(0);
-  for (std::size_t i = 0; i < n; ++i) distance += (point(i) - mean).norm();
+  for (std::size_t i = 0; i < n; ++i) {
+    const Eigen::Matrix<S, 2, 1> p = point(i);
+    const S dx = p[0] - mean_x, dy = p[1] - mean_y;
+    distance += std::sqrt(dx * dx + dy * dy);
+  }
   distance /= static_cast<S>(n);
   if (!(distance > S(0)) || !std::isfinite(distance)) return false;
   const S s = std::sqrt(S(2)) / distance;
-  T << s, S(0), -s * mean.x(), S(0), s, -s * mean.y(), S(0), S(0), S(1);
+  T.setIdentity();
+  T(0, 0) = T(1, 1) = s;
+  T(0, 2) = -s * mean_x;
+  T(1, 2) = -s * mean_y;
   return true;
+}
+
+/// T x of such a similarity, homogeneous.
+template <std::floating_point S>
+[[nodiscard]] Eigen::Matrix<S, 3, 1> normalised(const Eigen::Matrix<S, 3, 3>& T,
+                                                const Eigen::Matrix<S, 2, 1>& x) {
+  return {T(0, 0) * x[0] + T(0, 2), T(1, 1) * x[1] + T(1, 2), S(1)};
+}
+
+/// Adds a a^T, of which the lower triangle.
+template <std::floating_point S>
+void add_square(const S (&a)[9], Eigen::Matrix<S, 9, 9>& sum) {
+  for (int j = 0; j < 9; ++j) {
+    for (int i = j; i < 9; ++i) sum(i, j) += a[i] * a[j];
+  }
+}
+
+/// m / divisor, and m * factor, in another scalar.
+template <std::floating_point S, std::floating_point W>
+[[nodiscard]] Eigen::Matrix<S, 3, 3> divided(const Eigen::Matrix<W, 3, 3>& m, W divisor) {
+  Eigen::Matrix<S, 3, 3> result;
+  for (int i = 0; i < 9; ++i) result.data()[i] = static_cast<S>(m.data()[i] / divisor);
+  return result;
+}
+template <std::floating_point S, std::floating_point W>
+[[nodiscard]] Eigen::Matrix<S, 3, 3> scaled(const Eigen::Matrix<W, 3, 3>& m, W factor) {
+  Eigen::Matrix<S, 3, 3> result;
+  for (int i = 0; i < 9; ++i) result.data()[i] = static_cast<S>(factor * m.data()[i]);
+  return result;
 }
 }  // namespace detail
 

@@ -12,6 +12,7 @@
 #include <optional>
 #include <span>
 #include <type_traits>
+#include <vector>
 
 #include "dynslam/concepts/scalar.hpp"
 #include "dynslam/geometry/hartley.hpp"
@@ -25,9 +26,10 @@ namespace dynslam {
 template <Scalar S>
 [[nodiscard]] std::optional<Eigen::Matrix<S, 2, 1>> transfer(
     const Eigen::Matrix<S, 3, 3>& H, const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x) {
-  const Eigen::Matrix<S, 3, 1> p = H * x.homogeneous();
-  if (!(S(1e-12) < p.z())) return std::nullopt;
-  return Eigen::Matrix<S, 2, 1>(p.x() / p.z(), p.y() / p.z());
+  const S z = H(2, 0) * x[0] + H(2, 1) * x[1] + H(2, 2);
+  if (!(S(1e-12) < z)) return std::nullopt;
+  return Eigen::Matrix<S, 2, 1>((H(0, 0) * x[0] + H(0, 1) * x[1] + H(0, 2)) / z,
+                                (H(1, 0) * x[0] + H(1, 1) * x[1] + H(1, 2)) / z);
 }
 
 /// Transfer error |H x - x_m|^2 [px^2]; infinite where H x is at infinity.
@@ -37,7 +39,8 @@ template <Scalar S>
                                           const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x_m) {
   const auto there = transfer<S>(H, x);
   if (!there) return S(std::numeric_limits<double>::infinity());
-  return (*there - x_m).squaredNorm();
+  const S du = (*there)[0] - x_m[0], dv = (*there)[1] - x_m[1];
+  return du * du + dv * dv;
 }
 
 /// Symmetric transfer error |H x - x_m|^2 + |H^-1 x_m - x|^2 [px^2].
@@ -60,7 +63,6 @@ template <std::floating_point S>
   using W = std::common_type_t<S, double>;
   using Matrix3 = Eigen::Matrix<W, 3, 3>;
   using Matrix9 = Eigen::Matrix<W, 9, 9>;
-  using Row9 = Eigen::Matrix<W, 1, 9>;
   const std::size_t n = index.empty() ? std::min(x.size(), x_m.size()) : index.size();
   if (n < 4) return std::nullopt;
   const auto at = [&](std::size_t k) { return index.empty() ? k : static_cast<std::size_t>(index[k]); };
@@ -72,27 +74,25 @@ template <std::floating_point S>
   }
   Matrix9 AtA = Matrix9::Zero();
   for (std::size_t k = 0; k < n; ++k) {
-    const Eigen::Matrix<W, 3, 1> p = T * first(k).homogeneous(), q = T_m * second(k).homogeneous();
-    Row9 a = Row9::Zero(), b = Row9::Zero();
-    a.template segment<3>(3) = -p.transpose();
-    a.template tail<3>() = q.y() * p.transpose();
-    b.template head<3>() = p.transpose();
-    b.template tail<3>() = -q.x() * p.transpose();
-    AtA.template selfadjointView<Eigen::Lower>().rankUpdate(a.transpose());
-    AtA.template selfadjointView<Eigen::Lower>().rankUpdate(b.transpose());
+    const Eigen::Matrix<W, 3, 1> p = detail::normalised<W>(T, first(k)),
+                                 q = detail::normalised<W>(T_m, second(k));
+    const W a[9] = {W(0), W(0), W(0), -p[0], -p[1], -p[2], q[1] * p[0], q[1] * p[1], q[1] * p[2]};
+    const W b[9] = {p[0], p[1], p[2], W(0), W(0), W(0), -q[0] * p[0], -q[0] * p[1], -q[0] * p[2]};
+    detail::add_square(a, AtA);
+    detail::add_square(b, AtA);
   }
   const Eigen::SelfAdjointEigenSolver<Matrix9> eigen(AtA);
   if (eigen.info() != Eigen::Success) return std::nullopt;
   if (!(eigen.eigenvalues()(1) > W(1e3) * Eigen::NumTraits<W>::epsilon() * eigen.eigenvalues()(8)))
     return std::nullopt;
   const Eigen::Matrix<W, 9, 1> h = eigen.eigenvectors().col(0);
-  Matrix3 H;
-  H << h(0), h(1), h(2), h(3), h(4), h(5), h(6), h(7), h(8);
-  H = (T_m.inverse() * H * T).eval();
+  const Matrix3 normalised = detail::as_matrix(h), T_m_inverse = T_m.inverse();
+  const Matrix3 H = detail::product<W>(detail::product<W>(T_m_inverse, normalised), T);
   const W norm = H.norm();
   if (!(norm > W(0)) || !std::isfinite(norm)) return std::nullopt;
-  const W sign = (H.row(2) * first(0).homogeneous())(0) < W(0) ? W(-1) : W(1);
-  return (sign / norm * H).template cast<S>();
+  const Eigen::Matrix<W, 2, 1> x_0 = first(0);
+  const W sign = H(2, 0) * x_0[0] + H(2, 1) * x_0[1] + H(2, 2) < W(0) ? W(-1) : W(1);
+  return detail::scaled<S>(H, sign / norm);
 }
 
 namespace detail {
@@ -137,26 +137,39 @@ class HomographySearch {
   }
 
   [[nodiscard]] bool near(const Eigen::Matrix<W, 3, 3>& H, std::size_t i) const {
-    return transfer_distance_squared<W>(H, matches_.first(i).head<2>(), matches_.second(i).head<2>()) <=
-           limit_;
+    const Eigen::Vector3d p = matches_.first(i), q = matches_.second(i);
+    return transfer_distance_squared<W>(H, {p[0], p[1]}, {q[0], q[1]}) <= limit_;
   }
 
   /// Least squares of the inliers' transfer errors: the equations of the direct linear transform, each pair
   /// divided by the depth H x has.
   [[nodiscard]] std::optional<Eigen::Matrix<W, 3, 3>> refit(const Eigen::Matrix<W, 3, 3>& H, double wide) {
-    const auto x = matches_.fine(0), y = matches_.fine(1), x_m = matches_.fine(2), y_m = matches_.fine(3);
-    z_ = H(2, 0) * x + H(2, 1) * y + H(2, 2);
-    weight_ = (H(0, 0) * x + H(0, 1) * y + H(0, 2) - z_ * x_m).square() +
-              (H(1, 0) * x + H(1, 1) * y + H(1, 2) - z_ * y_m).square();
-    for (Eigen::Index i = 0; i < weight_.size(); ++i) {
-      const double z2 = z_(i) * z_(i);
-      weight_(i) = weight_(i) <= wide * limit_ * z2 && z_(i) > 0 ? 1 / z2 : 0.0;
+    const std::size_t n = matches_.size();
+    const double h00 = H(0, 0), h01 = H(0, 1), h02 = H(0, 2), h10 = H(1, 0), h11 = H(1, 1), h12 = H(1, 2),
+                 h20 = H(2, 0), h21 = H(2, 1), h22 = H(2, 2), far = wide * limit_;
+    const double *x = matches_.fine(0), *y = matches_.fine(1), *x_m = matches_.fine(2),
+                 *y_m = matches_.fine(3);
+    weights_.resize(4 * n);
+    double *w = weights_.data(), *minus_w_x = w + n, *minus_w_y = minus_w_x + n, *w_square = minus_w_y + n;
+    for (std::size_t i = 0; i < n; ++i) {
+      const double z = h20 * x[i] + h21 * y[i] + h22, z2 = z * z;
+      const double du = h00 * x[i] + h01 * y[i] + h02 - z * x_m[i],
+                   dv = h10 * x[i] + h11 * y[i] + h12 - z * y_m[i];
+      w[i] = du * du + dv * dv <= far * z2 && z > 0 ? 1 / z2 : 0.0;
+      minus_w_x[i] = -(w[i] * x_m[i]);
+      minus_w_y[i] = -(w[i] * y_m[i]);
+      w_square[i] = w[i] * (x_m[i] * x_m[i] + y_m[i] * y_m[i]);
     }
     Eigen::Matrix<W, 9, 9> A = Eigen::Matrix<W, 9, 9>::Zero();
-    A.template block<3, 3>(0, 0) = A.template block<3, 3>(3, 3) = matches_.moments(weight_);
-    A.template block<3, 3>(0, 6) = A.template block<3, 3>(6, 0) = -matches_.moments(z_ = weight_ * x_m);
-    A.template block<3, 3>(3, 6) = A.template block<3, 3>(6, 3) = -matches_.moments(z_ = weight_ * y_m);
-    A.template block<3, 3>(6, 6) = matches_.moments(z_ = weight_ * (x_m.square() + y_m.square()));
+    const Eigen::Matrix<W, 3, 3> of_w = matches_.moments(w), of_x = matches_.moments(minus_w_x),
+                                 of_y = matches_.moments(minus_w_y);
+    put_block(A, 0, 0, of_w);
+    put_block(A, 1, 1, of_w);
+    put_block(A, 0, 2, of_x);
+    put_block(A, 2, 0, of_x);
+    put_block(A, 1, 2, of_y);
+    put_block(A, 2, 1, of_y);
+    put_block(A, 2, 2, matches_.moments(w_square));
     const auto h = smallest_eigenvector(A, as_vector(H));
     if (!h) return std::nullopt;
     return as_matrix(*h);
@@ -165,7 +178,7 @@ class HomographySearch {
  private:
   const NormalisedMatches& matches_;
   double limit_;
-  Eigen::ArrayX<W> z_, weight_;
+  std::vector<double> weights_;
 };
 }  // namespace detail
 
@@ -187,14 +200,13 @@ template <std::floating_point S>
   result.iterations = detail::search_models<4, S>(
       n, options, best, [&](const std::array<std::size_t, 4>& sample, const auto& consider) {
         Eigen::Matrix<double, 3, 4> p, q;
-        for (std::size_t k = 0; k < 4; ++k) {
-          p.col(static_cast<Eigen::Index>(k)) = matches.first(sample[k]);
-          q.col(static_cast<Eigen::Index>(k)) = matches.second(sample[k]);
-        }
+        for (std::size_t k = 0; k < 4; ++k)
+          matches.copy_points(sample[k], p.data() + 3 * k, q.data() + 3 * k);
         if (const auto H = homography_four_point(p, q)) consider(*H);
       });
   if (best.inliers() == 0) return result;
-  Eigen::Matrix3d H = matches.T_m_inverse() * best.model() * matches.T();
+  Eigen::Matrix3d H =
+      detail::product<double>(detail::product<double>(matches.T_m_inverse(), best.model()), matches.T());
   H /= H.norm();
   result.model = H.cast<S>();
   const S limit = options.threshold_px * options.threshold_px;

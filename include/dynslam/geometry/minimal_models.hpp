@@ -13,6 +13,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "dynslam/geometry/so3.hpp"
+
 // Of double alone, and templates all the same: who includes them and does not call them waits for no
 // compiler.
 
@@ -59,6 +61,20 @@ inline int real_roots(double a, double b, double c, double d, std::array<double,
   }
   return n;
 }
+
+/// Cross products of m's columns 1 and 2, 2 and 0, 0 and 1: the transpose of the inverse times determinant.
+template <std::same_as<double> W>
+[[nodiscard]] Eigen::Matrix<W, 3, 3> cofactors(const Eigen::Matrix<W, 3, 3>& m) {
+  Eigen::Matrix<W, 3, 3> c;
+  for (int j = 0; j < 3; ++j) {
+    const int a = (j + 1) % 3, b = (j + 2) % 3;
+    for (int i = 0; i < 3; ++i) {
+      const int k = (i + 1) % 3, l = (i + 2) % 3;
+      c(i, j) = m(k, a) * m(l, b) - m(l, a) * m(k, b);
+    }
+  }
+  return c;
+}
 }  // namespace detail
 
 /// The one to three F of rank 2 with q^T F p = 0 for seven matches (Hartley and Zisserman, 11.1.2), in the
@@ -102,22 +118,20 @@ template <std::same_as<double> W = double>
     f[1][c] = b / A[c][c];
   }
   using Matrix3 = Eigen::Matrix<W, 3, 3>;
-  using RowMajor = Eigen::Matrix<W, 3, 3, Eigen::RowMajor>;
-  Matrix3 G = Eigen::Map<const RowMajor>(f[0].data()), H = Eigen::Map<const RowMajor>(f[1].data());
+  Matrix3 G, H;
+  for (int i = 0; i < 9; ++i) {
+    G(i / 3, i % 3) = f[0][static_cast<std::size_t>(i)];
+    H(i / 3, i % 3) = f[1][static_cast<std::size_t>(i)];
+  }
   G /= G.norm();
   H /= H.norm();
-  const auto cofactors = [](const Matrix3& m) {
-    Matrix3 c;
-    c << m.col(1).cross(m.col(2)), m.col(2).cross(m.col(0)), m.col(0).cross(m.col(1));
-    return c;
-  };
-  const Matrix3 cG = cofactors(G), cH = cofactors(H);
+  const Matrix3 cG = detail::cofactors(G), cH = detail::cofactors(H);
   std::array<double, 3> t{};
   const int n = detail::real_roots(G.col(0).dot(cG.col(0)), cG.cwiseProduct(H).sum(),
                                    cH.cwiseProduct(G).sum(), H.col(0).dot(cH.col(0)), t);
   for (int k = 0; k < n; ++k) {
     Matrix3& m = F[static_cast<std::size_t>(k)];
-    m = t[static_cast<std::size_t>(k)] * G + H;
+    for (int i = 0; i < 9; ++i) m.data()[i] = t[static_cast<std::size_t>(k)] * G.data()[i] + H.data()[i];
     m /= m.norm();
   }
   return n;
@@ -137,18 +151,25 @@ template <std::same_as<double> W = double>
   Vector3 weight[2];
   for (int side = 0; side < 2; ++side) {
     const auto& points = side == 0 ? p : q;
-    const Vector3 a = points.col(0), b = points.col(1), c = points.col(2);
-    inverse[side] << b.cross(c).transpose(), c.cross(a).transpose(), a.cross(b).transpose();
-    const double determinant = inverse[side].row(0) * a;
+    Matrix3& m = basis[side];
+    for (int i = 0; i < 9; ++i) m.data()[i] = points.data()[i];
+    const Matrix3 adjugate = detail::cofactors(m).transpose();
+    const double determinant =
+        adjugate(0, 0) * m(0, 0) + (adjugate(0, 1) * m(1, 0) + adjugate(0, 2) * m(2, 0));
     if (!(std::abs(determinant) > 1e-6)) return std::nullopt;
-    weight[side] = inverse[side] * points.col(3) / determinant;
-    inverse[side] /= determinant;
-    if (!(weight[side].cwiseAbs().minCoeff() > 1e-6)) return std::nullopt;
-    basis[side] = points.template leftCols<3>();
+    weight[side] = detail::product<W>(adjugate, Vector3(points(0, 3), points(1, 3), points(2, 3)));
+    for (int i = 0; i < 3; ++i) {
+      weight[side][i] /= determinant;
+      if (!(std::abs(weight[side][i]) > 1e-6)) return std::nullopt;
+    }
+    for (int i = 0; i < 9; ++i) inverse[side].data()[i] = adjugate.data()[i] / determinant;
   }
-  const Vector3 ratio = weight[1].cwiseQuotient(weight[0]);
-  if (!(ratio.minCoeff() > 0)) return std::nullopt;
-  Matrix3 H = basis[1] * ratio.asDiagonal() * inverse[0];
+  for (int c = 0; c < 3; ++c) {
+    const double ratio = weight[1][c] / weight[0][c];
+    if (!(ratio > 0)) return std::nullopt;
+    for (int r = 0; r < 3; ++r) basis[1](r, c) *= ratio;
+  }
+  Matrix3 H = detail::product<W>(basis[1], inverse[0]);
   H /= H.norm();
   return H;
 }

@@ -22,7 +22,6 @@ namespace dynslam::detail {
 /// thousands of distances are compared with a threshold, and solved for in double.
 class NormalisedMatches {
  public:
-  using Row = Eigen::Map<const Eigen::ArrayXd>;
   static constexpr std::size_t kBlock = 64;  ///< rows of floats are filled up to whole blocks
 
   /// Numbers are kept in `memory`. @return false where the points coincide or are not finite
@@ -32,18 +31,21 @@ class NormalisedMatches {
                          RansacWorkspace& memory) {
     n_ = n;
     padded_ = (n + kBlock - 1) / kBlock * kBlock;
-    mean_.setZero();
-    mean_m_.setZero();
+    mean_ = {};
+    const auto numbers = [&](std::size_t i) {
+      return std::array<double, 4>{static_cast<double>(x[i][0]), static_cast<double>(x[i][1]),
+                                   static_cast<double>(x_m[i][0]), static_cast<double>(x_m[i][1])};
+    };
     for (std::size_t i = 0; i < n; ++i) {
-      mean_ += x[i].template cast<double>();
-      mean_m_ += x_m[i].template cast<double>();
+      const std::array<double, 4> v = numbers(i);
+      for (std::size_t r = 0; r < 4; ++r) mean_[r] += v[r];
     }
-    mean_ /= static_cast<double>(n);
-    mean_m_ /= static_cast<double>(n);
+    for (double& m : mean_) m /= static_cast<double>(n);
     double spread = 0;
     for (std::size_t i = 0; i < n; ++i) {
-      spread += (x[i].template cast<double>() - mean_).squaredNorm() +
-                (x_m[i].template cast<double>() - mean_m_).squaredNorm();
+      std::array<double, 4> d = numbers(i);
+      for (std::size_t r = 0; r < 4; ++r) d[r] -= mean_[r];
+      spread += (d[0] * d[0] + d[1] * d[1]) + (d[2] * d[2] + d[3] * d[3]);
     }
     spread = std::sqrt(spread / static_cast<double>(n));
     if (!(spread > 0) || !std::isfinite(spread)) return false;
@@ -53,16 +55,15 @@ class NormalisedMatches {
     coarse_ = memory.coarse.data();
     fine_ = memory.fine.data();
     for (std::size_t i = 0; i < n; ++i) {
-      const Eigen::Vector2d p = scale_ * (x[i].template cast<double>() - mean_);
-      const Eigen::Vector2d q = scale_ * (x_m[i].template cast<double>() - mean_m_);
-      const std::array<double, 4> values{p.x(), p.y(), q.x(), q.y()};
+      std::array<double, 4> values = numbers(i);
       for (std::size_t r = 0; r < 4; ++r) {
+        values[r] = scale_ * (values[r] - mean_[r]);
         memory.coarse[r * padded_ + i] = static_cast<float>(values[r]);
         memory.fine[r * n + i] = values[r];
       }
-      memory.fine[4 * n + i] = p.x() * p.x();
-      memory.fine[5 * n + i] = p.x() * p.y();
-      memory.fine[6 * n + i] = p.y() * p.y();
+      memory.fine[4 * n + i] = values[0] * values[0];
+      memory.fine[5 * n + i] = values[0] * values[1];
+      memory.fine[6 * n + i] = values[1] * values[1];
       memory.fine[7 * n + i] = 1;
     }
     return true;
@@ -74,26 +75,35 @@ class NormalisedMatches {
   [[nodiscard]] Eigen::Vector3d second(std::size_t i) const {
     return {fine_[2 * n_ + i], fine_[3 * n_ + i], 1};
   }
-  /// Normalised from recorded pixels: of the first and of the second image.
-  [[nodiscard]] Eigen::Matrix3d T() const { return similarity(mean_); }
-  [[nodiscard]] Eigen::Matrix3d T_m() const { return similarity(mean_m_); }
-  [[nodiscard]] Eigen::Matrix3d T_m_inverse() const {
-    Eigen::Matrix3d T;
-    T << 1 / scale_, 0, mean_m_.x(), 0, 1 / scale_, mean_m_.y(), 0, 0, 1;
-    return T;
+  /// Both points of a match, homogeneous.
+  void copy_points(std::size_t i, double* p, double* q) const {
+    p[0] = fine_[i], p[1] = fine_[n_ + i], p[2] = 1;
+    q[0] = fine_[2 * n_ + i], q[1] = fine_[3 * n_ + i], q[2] = 1;
   }
+  /// Normalised from recorded pixels: of the first and of the second image.
+  [[nodiscard]] Eigen::Matrix3d T() const {
+    return similarity(scale_, -scale_ * mean_[0], -scale_ * mean_[1]);
+  }
+  [[nodiscard]] Eigen::Matrix3d T_m() const {
+    return similarity(scale_, -scale_ * mean_[2], -scale_ * mean_[3]);
+  }
+  [[nodiscard]] Eigen::Matrix3d T_m_inverse() const { return similarity(1 / scale_, mean_[2], mean_[3]); }
 
   /// Row of x, y, x_m, y_m (0 to 3) in double or, filled up with zeros, in float.
-  [[nodiscard]] Row fine(std::size_t r) const { return Row(fine_ + r * n_, static_cast<Eigen::Index>(n_)); }
+  [[nodiscard]] const double* fine(std::size_t r) const { return fine_ + r * n_; }
   [[nodiscard]] const float* coarse(std::size_t r) const { return coarse_ + r * padded_; }
 
   /// Sum of weight_i p_i p_i^T over the points of the first image, p being homogeneous.
-  template <class Weights>
-  [[nodiscard]] Eigen::Matrix3d moments(const Weights& weight) const {
-    const auto sum = [&](std::size_t r) { return (weight * fine(r)).sum(); };
-    const double xx = sum(4), xy = sum(5), yy = sum(6), x = sum(0), y = sum(1), one = weight.sum();
+  [[nodiscard]] Eigen::Matrix3d moments(const double* weight) const {
+    const double xx = dot(weight, fine(4)), xy = dot(weight, fine(5)), yy = dot(weight, fine(6)),
+                 x = dot(weight, fine(0)), y = dot(weight, fine(1)), one = dot(weight, fine(7));
     Eigen::Matrix3d M;
-    M << xx, xy, x, xy, yy, y, x, y, one;
+    M(0, 0) = xx;
+    M(1, 1) = yy;
+    M(2, 2) = one;
+    M(0, 1) = M(1, 0) = xy;
+    M(0, 2) = M(2, 0) = x;
+    M(1, 2) = M(2, 1) = y;
     return M;
   }
 
@@ -122,14 +132,31 @@ class NormalisedMatches {
 
  private:
   static constexpr std::size_t kRows = 8;
-  [[nodiscard]] Eigen::Matrix3d similarity(const Eigen::Vector2d& mean) const {
-    Eigen::Matrix3d T;
-    T << scale_, 0, -scale_ * mean.x(), 0, scale_, -scale_ * mean.y(), 0, 0, 1;
+  [[nodiscard]] static Eigen::Matrix3d similarity(double scale, double x, double y) {
+    Eigen::Matrix3d T = Eigen::Matrix3d::Identity();
+    T(0, 0) = T(1, 1) = scale;
+    T(0, 2) = x;
+    T(1, 2) = y;
     return T;
+  }
+  /// Sum of products, in four lanes: the same whatever a vector holds.
+  [[nodiscard]] double dot(const double* a, const double* b) const {
+    std::array<double, 4> lanes{};
+    const std::size_t fours = n_ / 4 * 4, twos = n_ / 2 * 2;
+    for (std::size_t i = 0; i < fours; i += 4) {
+      for (std::size_t k = 0; k < 4; ++k) lanes[k] += a[i + k] * b[i + k];
+    }
+    double even = lanes[0] + lanes[2], odd = lanes[1] + lanes[3];
+    if (fours < twos) {
+      even += a[fours] * b[fours];
+      odd += a[fours + 1] * b[fours + 1];
+    }
+    const double sum = even + odd;
+    return twos < n_ ? sum + a[twos] * b[twos] : sum;
   }
 
   std::size_t n_ = 0, padded_ = 0;
-  Eigen::Vector2d mean_ = Eigen::Vector2d::Zero(), mean_m_ = Eigen::Vector2d::Zero();
+  std::array<double, 4> mean_{};  // of x, y, x_m, y_m
   double scale_ = 1;
   const float* coarse_ = nullptr;
   const double* fine_ = nullptr;
@@ -142,14 +169,21 @@ class NormalisedMatches {
 template <std::same_as<double> W>
 [[nodiscard]] Eigen::Matrix<W, 9, 1> as_vector(const Eigen::Matrix<W, 3, 3>& m) {
   Eigen::Matrix<W, 9, 1> v;
-  v << m.row(0).transpose(), m.row(1).transpose(), m.row(2).transpose();
+  for (int i = 0; i < 9; ++i) v[i] = m(i / 3, i % 3);
   return v;
 }
 template <std::same_as<double> W>
 [[nodiscard]] Eigen::Matrix<W, 3, 3> as_matrix(const Eigen::Matrix<W, 9, 1>& v) {
   Eigen::Matrix<W, 3, 3> m;
-  m << v(0), v(1), v(2), v(3), v(4), v(5), v(6), v(7), v(8);
+  for (int i = 0; i < 9; ++i) m(i / 3, i % 3) = v[i];
   return m;
+}
+/// Block (i, j) of nine.
+template <std::same_as<double> W>
+void put_block(Eigen::Matrix<W, 9, 9>& A, Eigen::Index i, Eigen::Index j, const Eigen::Matrix<W, 3, 3>& m) {
+  for (int c = 0; c < 3; ++c) {
+    for (int r = 0; r < 3; ++r) A(3 * i + r, 3 * j + c) = m(r, c);
+  }
 }
 
 /// Eigenvector of the smallest eigenvalue by inverse iteration from a vector that is near it; nullopt where

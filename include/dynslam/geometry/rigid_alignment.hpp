@@ -20,22 +20,33 @@ template <std::floating_point S>
   using Vector3 = Eigen::Matrix<S, 3, 1>;
   using Matrix3 = Eigen::Matrix<S, 3, 3>;
   if (a.size() != b.size() || a.size() < 3) return std::nullopt;
-  Vector3 mean_a = Vector3::Zero(), mean_b = Vector3::Zero();
+  Vector3 mean_a(S(0), S(0), S(0)), mean_b = mean_a;
   for (std::size_t i = 0; i < a.size(); ++i) {
-    mean_a += a[i];
-    mean_b += b[i];
+    for (int k = 0; k < 3; ++k) {
+      mean_a[k] += a[i][k];
+      mean_b[k] += b[i][k];
+    }
   }
-  mean_a /= static_cast<S>(a.size());
-  mean_b /= static_cast<S>(a.size());
+  for (int k = 0; k < 3; ++k) {
+    mean_a[k] /= static_cast<S>(a.size());
+    mean_b[k] /= static_cast<S>(a.size());
+  }
   Matrix3 W = Matrix3::Zero();
-  for (std::size_t i = 0; i < a.size(); ++i) W += (b[i] - mean_b) * (a[i] - mean_a).transpose();
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      for (int r = 0; r < 3; ++r) W(r, c) += (b[i][r] - mean_b[r]) * (a[i][c] - mean_a[c]);
+    }
+  }
   const Eigen::JacobiSVD<Matrix3> svd(W, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Vector3 s = svd.singularValues();
   if (!(s(0) > S(0)) || !(s(1) > S(100) * Eigen::NumTraits<S>::epsilon() * s(0))) return std::nullopt;
-  Matrix3 D = Matrix3::Identity();
-  if (svd.matrixU().determinant() * svd.matrixV().determinant() < S(0)) D(2, 2) = S(-1);
-  const Matrix3 R = svd.matrixU() * D * svd.matrixV().transpose();
-  return SE3<S>(SO3<S>(R), mean_b - R * mean_a);
+  Matrix3 U = svd.matrixU();
+  if (U.determinant() * svd.matrixV().determinant() < S(0)) {
+    for (int r = 0; r < 3; ++r) U(r, 2) = -U(r, 2);
+  }
+  const Matrix3 V_T = svd.matrixV().transpose(), R = detail::product<S>(U, V_T);
+  const Vector3 moved = detail::product<S>(R, mean_a);
+  return SE3<S>(SO3<S>(R), Vector3(mean_b[0] - moved[0], mean_b[1] - moved[1], mean_b[2] - moved[2]));
 }
 
 }  // namespace dynslam

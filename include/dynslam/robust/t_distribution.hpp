@@ -136,10 +136,23 @@ template <std::floating_point S, int D>
     if (!(determinant > S(0))) return std::nullopt;
     const Matrix inverse = sigma.inverse();
     Matrix sum = Matrix::Zero();
-    for (const auto& r : residuals) sum += (nu + S(D)) / (nu + r.dot(inverse * r)) * r * r.transpose();
-    const Matrix next = sum / static_cast<S>(residuals.size());
-    const bool done = (next - sigma).norm() <= tolerance * sigma.norm();
-    sigma = next;
+    for (const auto& r : residuals) {
+      const Eigen::Matrix<S, D, 1> scaled = inverse * r;
+      const S weight = (nu + S(D)) / (nu + r.dot(scaled));
+      for (int k = 0; k < D; ++k) {
+        for (int j = 0; j < D; ++j) sum(j, k) += weight * r[j] * r[k];
+      }
+    }
+    Matrix change;
+    for (int k = 0; k < D; ++k) {
+      for (int j = 0; j < D; ++j) {
+        const S next = sum(j, k) / static_cast<S>(residuals.size());
+        change(j, k) = next - sigma(j, k);
+        sum(j, k) = next;
+      }
+    }
+    const bool done = change.norm() <= tolerance * sigma.norm();
+    sigma = sum;
     if (done) break;
   }
   return sigma;
