@@ -27,6 +27,12 @@ template <class S>
   return (a[0] * b[0] + (a[2] * b[2] + a[4] * b[4])) + (a[1] * b[1] + (a[3] * b[3] + a[5] * b[5]));
 }
 
+/// sum += A [x, y, z]
+template <class S, int R>
+void add_product(const Eigen::Matrix<S, R, 3>& A, const S x, const S y, const S z, S* sum) {
+  for (int i = 0; i < R; ++i) sum[i] += A(i, 0) * x + A(i, 1) * y + A(i, 2) * z;
+}
+
 /// diag(scale) A
 template <class S, int C>
 [[nodiscard]] Eigen::Matrix<S, 3, C> scaled_rows(const Eigen::Matrix<S, 3, 1>& scale,
@@ -42,9 +48,11 @@ template <class S, int C>
 template <class S, int R, int C>
 void add_transposed_product(const Eigen::Matrix<S, 3, R>& A, const Eigen::Matrix<S, 3, C>& B,
                             Eigen::Matrix<S, R, C>& sum) {
-  for (int j = 0; j < C; ++j) {
-    for (int i = 0; i < R; ++i) sum(i, j) += A(0, i) * B(0, j) + A(1, i) * B(1, j) + A(2, i) * B(2, j);
+  Eigen::Matrix<S, R, 3> A_T;  // each column of the sum in one go, for SIMD
+  for (int i = 0; i < R; ++i) {
+    for (int k = 0; k < 3; ++k) A_T(i, k) = A(k, i);
   }
+  for (int j = 0; j < C; ++j) add_product(A_T, B(0, j), B(1, j), B(2, j), sum.data() + R * j);
 }
 
 /// A B
