@@ -15,6 +15,8 @@ endif()
 set(project tests/consumer)
 if(MODE STREQUAL "examples")
   set(project examples)
+  list(APPEND options -D
+    "CMAKE_CXX_FLAGS=-Wall -Wextra -Wpedantic -Wconversion -Wshadow -Werror -Wno-maybe-uninitialized")
 endif()
 execute_process(
   COMMAND ${CMAKE_COMMAND} -S ${SOURCE}/${project} -B ${WORK}/build -G ${GENERATOR}

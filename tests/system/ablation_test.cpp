@@ -23,7 +23,7 @@ using test::kNeverStop, test::options_for;
 
 namespace {
 
-constexpr int kFrames = 150;
+constexpr int kFrames = 90;
 
 double ate_of(const fs::path& out, const fs::path& sequence) {
   return evaluate_trajectory(out / "trajectory.txt", sequence / "groundtruth.txt").ate.translation.rmse;
