@@ -171,7 +171,8 @@ void octomap_ray(benchmark::State& state) {
     const Eigen::Vector3d d(std::cos(0.1 * k), std::sin(0.1 * k), 0.1);
     const auto end = cast(d);
     const auto ours = cast_ray(BlockMap::map(), {0, 0, 0}, d, {.max_range = 10});
-    differ += (ours.cell.centre - Eigen::Vector3d(end.x(), end.y(), end.z())).norm() > 1e-3 ? 1 : 0;
+    differ +=
+        (ours.cell.centre - Eigen::Vector3f(end.x(), end.y(), end.z()).cast<double>()).norm() > 1e-3 ? 1 : 0;
   }
   if (differ > 5) {  // OctoMap's direction is float: a ray along an edge may go another way
     state.SkipWithError("the rays meet other cells");

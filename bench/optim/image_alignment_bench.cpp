@@ -62,7 +62,7 @@ struct Views {
     int n = 0;
     for (int v = 20; v < kHeight; v += 40) {
       for (int u = 20; u < kWidth; u += 40) {
-        const auto p = kCamera.unproject({u, v}, depth[0](u, v));
+        const auto p = kCamera.unproject({u, v}, static_cast<double>(depth[0](u, v)));
         const auto x = kCamera.project(T_image_reference * *p),
                    truth = kCamera.project(T_w_image.inverse() * *p);
         if (!x || !truth) continue;
