@@ -27,14 +27,24 @@
 
 namespace dynslam {
 
+namespace detail {
+/// F [x; 1].
+template <Scalar S>
+[[nodiscard]] Eigen::Matrix<S, 3, 1> line_of(const Eigen::Matrix<S, 3, 3>& F,
+                                             const Eigen::Matrix<S, 2, 1>& x) {
+  return {F(0, 0) * x[0] + F(0, 1) * x[1] + F(0, 2), F(1, 0) * x[0] + F(1, 1) * x[1] + F(1, 2),
+          F(2, 0) * x[0] + F(2, 1) * x[1] + F(2, 2)};
+}
+}  // namespace detail
+
 /// Epipolar line F x in the second image, scaled so that (a, b) is a unit vector: a u + b v + c is a
 /// signed distance in pixels. A point at the epipole has no line: the zero vector.
 template <Scalar S>
 [[nodiscard]] Eigen::Matrix<S, 3, 1> epipolar_line(const Eigen::Matrix<S, 3, 3>& F,
                                                    const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x) {
   using std::sqrt;
-  const S a = F(0, 0) * x[0] + F(0, 1) * x[1] + F(0, 2), b = F(1, 0) * x[0] + F(1, 1) * x[1] + F(1, 2),
-          c = F(2, 0) * x[0] + F(2, 1) * x[1] + F(2, 2);
+  const Eigen::Matrix<S, 3, 1> line = detail::line_of<S>(F, x);
+  const S a = line[0], b = line[1], c = line[2];
   const S norm = sqrt(a * a + b * b);
   if (!(S(0) < norm)) return {S(0), S(0), S(0)};
   return {a / norm, b / norm, c / norm};
@@ -55,8 +65,8 @@ template <Scalar S>
 [[nodiscard]] S sampson_distance_squared(const Eigen::Matrix<S, 3, 3>& F,
                                          const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x,
                                          const std::type_identity_t<Eigen::Matrix<S, 2, 1>>& x_m) {
-  const S a = F(0, 0) * x[0] + F(0, 1) * x[1] + F(0, 2), b = F(1, 0) * x[0] + F(1, 1) * x[1] + F(1, 2),
-          c = F(2, 0) * x[0] + F(2, 1) * x[1] + F(2, 2);  // the line of x
+  const Eigen::Matrix<S, 3, 1> line = detail::line_of<S>(F, x);
+  const S a = line[0], b = line[1], c = line[2];
   const S a_m = F(0, 0) * x_m[0] + F(1, 0) * x_m[1] + F(2, 0),
           b_m = F(0, 1) * x_m[0] + F(1, 1) * x_m[1] + F(2, 1);
   const S e = x_m[0] * a + x_m[1] * b + c;
@@ -145,7 +155,8 @@ template <std::floating_point S>
   F = detail::product<W>(detail::product<W>(T_m.transpose(), rank2), T);
   const W norm = F.norm();
   if (!(norm > W(0)) || !std::isfinite(norm)) return std::nullopt;
-  return detail::divided<S>(F, norm);
+  F /= norm;
+  return F.template cast<S>();
 }
 
 /// Options of fundamental_ransac; the threshold is of Sampson's distance.

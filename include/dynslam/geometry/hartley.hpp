@@ -50,20 +50,6 @@ void add_square(const S (&a)[9], Eigen::Matrix<S, 9, 9>& sum) {
     for (int i = j; i < 9; ++i) sum(i, j) += a[i] * a[j];
   }
 }
-
-/// m / divisor, and m * factor, in another scalar.
-template <std::floating_point S, std::floating_point W>
-[[nodiscard]] Eigen::Matrix<S, 3, 3> divided(const Eigen::Matrix<W, 3, 3>& m, W divisor) {
-  Eigen::Matrix<S, 3, 3> result;
-  for (int i = 0; i < 9; ++i) result.data()[i] = static_cast<S>(m.data()[i] / divisor);
-  return result;
-}
-template <std::floating_point S, std::floating_point W>
-[[nodiscard]] Eigen::Matrix<S, 3, 3> scaled(const Eigen::Matrix<W, 3, 3>& m, W factor) {
-  Eigen::Matrix<S, 3, 3> result;
-  for (int i = 0; i < 9; ++i) result.data()[i] = static_cast<S>(factor * m.data()[i]);
-  return result;
-}
 }  // namespace detail
 
 }  // namespace dynslam

@@ -87,12 +87,13 @@ template <std::floating_point S>
     return std::nullopt;
   const Eigen::Matrix<W, 9, 1> h = eigen.eigenvectors().col(0);
   const Matrix3 normalised = detail::as_matrix(h), T_m_inverse = T_m.inverse();
-  const Matrix3 H = detail::product<W>(detail::product<W>(T_m_inverse, normalised), T);
+  Matrix3 H = detail::product<W>(detail::product<W>(T_m_inverse, normalised), T);
   const W norm = H.norm();
   if (!(norm > W(0)) || !std::isfinite(norm)) return std::nullopt;
   const Eigen::Matrix<W, 2, 1> x_0 = first(0);
   const W sign = H(2, 0) * x_0[0] + H(2, 1) * x_0[1] + H(2, 2) < W(0) ? W(-1) : W(1);
-  return detail::scaled<S>(H, sign / norm);
+  H *= sign / norm;
+  return H.template cast<S>();
 }
 
 namespace detail {

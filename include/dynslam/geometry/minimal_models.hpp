@@ -61,20 +61,6 @@ inline int real_roots(double a, double b, double c, double d, std::array<double,
   }
   return n;
 }
-
-/// Cross products of m's columns 1 and 2, 2 and 0, 0 and 1: the transpose of the inverse times determinant.
-template <std::same_as<double> W>
-[[nodiscard]] Eigen::Matrix<W, 3, 3> cofactors(const Eigen::Matrix<W, 3, 3>& m) {
-  Eigen::Matrix<W, 3, 3> c;
-  for (int j = 0; j < 3; ++j) {
-    const int a = (j + 1) % 3, b = (j + 2) % 3;
-    for (int i = 0; i < 3; ++i) {
-      const int k = (i + 1) % 3, l = (i + 2) % 3;
-      c(i, j) = m(k, a) * m(l, b) - m(l, a) * m(k, b);
-    }
-  }
-  return c;
-}
 }  // namespace detail
 
 /// The one to three F of rank 2 with q^T F p = 0 for seven matches (Hartley and Zisserman, 11.1.2), in the

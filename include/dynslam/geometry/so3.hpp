@@ -41,6 +41,21 @@ template <Scalar S>
   return v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
 }
 
+/// Cross products of A's columns 1 and 2, 2 and 0, 0 and 1: the transpose of the inverse times the
+/// determinant.
+template <Scalar S>
+[[nodiscard]] Eigen::Matrix<S, 3, 3> cofactors(const Eigen::Matrix<S, 3, 3>& A) {
+  Eigen::Matrix<S, 3, 3> C;
+  for (int j = 0; j < 3; ++j) {
+    const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+    for (int i = 0; i < 3; ++i) {
+      const int i1 = (i + 1) % 3, i2 = (i + 2) % 3;
+      C(i, j) = A(i1, j1) * A(i2, j2) - A(i2, j1) * A(i1, j2);
+    }
+  }
+  return C;
+}
+
 }  // namespace detail
 
 /// Rotations in 3-D, stored as a unit quaternion. Tangent: rotation vector omega [rad].

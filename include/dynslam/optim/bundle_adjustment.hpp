@@ -346,15 +346,11 @@ class BundleSolver {
     const S scale = V(0, 0) + (V(1, 1) + V(2, 2));
     if (!(scale > S(0))) return Matrix3::Zero();
     for (int i = 0; i < 3; ++i) V(i, i) += options_.held_depth * scale;
-    const auto cofactor = [&V](int i, int j) {
-      const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-      return V(i1, j1) * V(i2, j2) - V(i1, j2) * V(i2, j1);
-    };
-    const S inverse_determinant =
-        S(1) / (cofactor(0, 0) * V(0, 0) + cofactor(1, 0) * V(1, 0) + cofactor(2, 0) * V(2, 0));
+    const Matrix3 C = cofactors<S>(V);
+    const S inverse_determinant = S(1) / (C(0, 0) * V(0, 0) + C(1, 0) * V(1, 0) + C(2, 0) * V(2, 0));
     Matrix3 inverse;
     for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) inverse(j, i) = cofactor(i, j) * inverse_determinant;
+      for (int j = 0; j < 3; ++j) inverse(j, i) = C(i, j) * inverse_determinant;
     }
     return inverse;
   }
