@@ -49,6 +49,8 @@
 #include "dynslam/geometry/normalised_matches.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/geometry/rigid_alignment.hpp"
+#include "dynslam/geometry/rolling_camera.hpp"
+#include "dynslam/geometry/rolling_shutter.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/geometry/so3.hpp"
 #include "dynslam/geometry/two_view.hpp"

@@ -40,6 +40,8 @@ SynthCommand::SynthCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   o.command->add_option("--blackout-frames", o.synth.blackout_frames, "Frames with the lens covered")
       ->capture_default_str();
   o.command->add_option("--fps", o.synth.fps, "Frames per second")->capture_default_str()->check(positive());
+  o.command->add_option("--readout-time", o.synth.readout_time, "Rolling shutter: first row to last [s]")
+      ->capture_default_str();
   o.command->add_option("--size", o.size, "Size of the images; the field of view across stays")
       ->capture_default_str()
       ->type_name("WxH")

@@ -232,6 +232,12 @@ void features_of(const ImageSet<S>& set, Record<double>& out) {
     placer.place(features[i], Eigen::Matrix<S, 2, 1>(S(42.3) + S(30) * S(i), S(50.2)), Kind::in(depth));
     out.put("place", placer.point(features[i]).template cast<double>());
   }
+  Eigen::Matrix<S, 6, 1> while_read;
+  while_read << S(0.01), S(-0.01), S(0.005), S(0.01), S(0.02), S(-0.01);
+  placer.set_rolling_shutter(RollingShutter<S>(while_read, kHeight));
+  Feature middle;
+  placer.place(middle, Eigen::Matrix<S, 2, 1>(S(42.3), S(20.2)), Kind::in(depth));
+  out.put("place.rolling_shutter", placer.point(middle).template cast<double>());
   std::vector<std::uint8_t> flags(features.size(), 0);
   flag_masked(Kind::in(mask), std::span<const Feature>(features), std::span<std::uint8_t>(flags));
   for (const auto f : flags) out.put("flag_masked", f);

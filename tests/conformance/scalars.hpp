@@ -21,6 +21,8 @@
 #include "dynslam/geometry/ideal_pinhole.hpp"
 #include "dynslam/geometry/kannala_brandt.hpp"
 #include "dynslam/geometry/pinhole.hpp"
+#include "dynslam/geometry/rolling_camera.hpp"
+#include "dynslam/geometry/rolling_shutter.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/geometry/so3.hpp"
 #include "dynslam/image/image.hpp"
@@ -103,6 +105,17 @@ void projections(const Camera& camera, const SE3<typename Camera::ScalarType>& T
     REQUIRE(x.has_value());
     o.x = Vector2(S(80), S(60)) + S(0.9) * (*x - Vector2(S(80), S(60)));
     out.put(name + ".project", *camera.project(p_c));
+    const RollingShutter<S> shutter(S(0.1) * T.log(), 120);
+    out.put(name + ".rolling_shutter", *shutter.project(camera, p_c));
+    out.put(name + ".to_middle", shutter.to_middle(shutter.to_row(p_c, S(20)), S(20)));
+    const RollingCamera<Camera> rolling(camera, shutter);
+    const auto p_middle = rolling.unproject(*x, p_c.z());
+    REQUIRE(p_middle.has_value());
+    Matrix23 J_row = Matrix23::Zero();
+    out.put(name + ".rolling_camera", *rolling.project(*p_middle, &J_row));
+    out.put(name + ".rolling_camera.derivative", J_row);
+    out.put(name + ".rolling_camera.undistort", *rolling.undistort_pixel(*x, p_c.z()));
+    out.put(name + ".rolling_camera.depth", rolling.depth_at_middle(*x, p_c.z()));
     out.put(name + ".derivative", J);
     const auto back = camera.unproject(*x, p_c.z());
     REQUIRE(back.has_value());

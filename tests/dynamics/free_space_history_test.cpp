@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "dynslam/geometry/pinhole.hpp"
+#include "dynslam/geometry/rolling_shutter.hpp"
 #include "equidistant_camera.hpp"
 #include "moving_scene.hpp"
 
@@ -34,9 +35,53 @@ struct Fixture {
     }
     grid.reduce(image, depth, smooth);
   }
+  /// The same box before the wall, seen by a camera that turns by `turn` to the right while it reads the rows
+  /// [rad].
+  RollingShutter<S> look_turning(S turn) {
+    Image<float> image(160, 120, 3.0F);
+    for (int v = 0; v < 120; ++v) {
+      const S angle = turn * (S(v) / S(119) - S(0.5));
+      for (int u = 0; u < 160; ++u) {
+        const S beside = std::tan(std::atan((S(u) - S(79.5)) / S(200)) - angle);  // in the middle row's frame
+        const bool box = v >= 20 && v < 100 && std::abs(S(200) * beside) < S(20);
+        const S along = (box ? S(1.5) : S(3)) * std::sqrt(S(1) + beside * beside);
+        image(u, v) = static_cast<float>(along * std::cos(std::atan((S(u) - S(79.5)) / S(200))));
+      }
+    }
+    grid.reduce(image, depth, smooth);
+    Eigen::Matrix<S, 6, 1> motion = Eigen::Matrix<S, 6, 1>::Zero();
+    motion(4) = turn;
+    return RollingShutter<S>(motion, 120);
+  }
+  [[nodiscard]] int seeds() const {
+    int n = 0;
+    for (std::size_t c = 0; c < grid.cells(); ++c) n += verdicts.seed.data()[c];
+    return n;
+  }
 };
 
 }  // namespace
+
+TEST_CASE_TEMPLATE(
+    "rows that are sheared by a quick turn do not contradict those of another, where it is known", S, float,
+    double) {
+  const S turn = S(0.07);  // 3 rad/s for 24 ms
+  for (const bool known : {true, false}) {
+    CAPTURE(known);
+    Fixture<S> f;
+    for (int k = 0; k < 12; ++k) {
+      const auto shutter = f.look_turning(-turn);
+      f.history.check(f.grid, f.depth, f.smooth, SE3<S>(), f.verdicts, known ? shutter : RollingShutter<S>());
+      f.history.remember(f.depth, SE3<S>(), f.still, f.age);
+    }
+    const auto shutter = f.look_turning(turn);
+    f.history.check(f.grid, f.depth, f.smooth, SE3<S>(), f.verdicts, known ? shutter : RollingShutter<S>());
+    if (known)
+      CHECK(f.seeds() == 0);
+    else
+      CHECK(f.seeds() > 8);  // above and below, beside the box
+  }
+}
 
 TEST_CASE_TEMPLATE("what has come contradicts the free space, what was there is verified", S, float, double) {
   Fixture<S> f;

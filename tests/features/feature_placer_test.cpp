@@ -82,6 +82,48 @@ TEST_CASE_TEMPLATE("depth taken later than the colour is brought back to its tim
   CHECK(std::abs(then.depth - truth) > 0.005F);
 }
 
+TEST_CASE_TEMPLATE("what rows saw one after the other is placed as the middle row would have seen it", S,
+                   float, double) {
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+  const PinholeBrownConrady<S> camera(Pinhole<S>(S(500), S(505), S(320), S(240)),
+                                      BrownConrady<S>(S(0.1), S(-0.2), S(0.001), S(-0.002), S(0)));
+  FeaturePlacer<PinholeBrownConrady<S>> placer(camera, 640, 480);
+  Eigen::Matrix<S, 6, 1> motion;  // in 24 ms: 0.5 m/s and 1.5 rad/s
+  motion << S(0.010), S(-0.005), S(0.006), S(0.018), S(0.03), S(-0.012);
+  const auto row_pose = [&](S v) { return SE3<S>::exp(motion * (v / S(479) - S(0.5))); };
+  // A slanted wall of the middle row's frame, n p = 1, as each row sees it.
+  const Vector3 n(S(-0.15), S(0.1), S(0.5));
+  Image<float> depth(640, 480);
+  for (int v = 0; v < 480; ++v) {
+    const SE3<S> T_middle_row = row_pose(S(v)).inverse();
+    for (int u = 0; u < 640; ++u) {
+      const auto ray = camera.unproject(Vector2(S(u), S(v)), S(1));
+      REQUIRE(ray);
+      depth(u, v) =
+          static_cast<float>((S(1) - n.dot(T_middle_row.translation())) / n.dot(T_middle_row.so3() * *ray));
+    }
+  }
+  placer.set_rolling_shutter(RollingShutter<S>(motion, 480));
+  for (const Vector2& ideal : {Vector2(S(60), S(40)), Vector2(S(590), S(50)), Vector2(S(330), S(250)),
+                               Vector2(S(80), S(440)), Vector2(S(560), S(430))}) {
+    const Vector3 ray = placer.pinhole().ray(ideal);
+    const Vector3 p = ray / n.dot(ray);
+    const auto seen = placer.project(p);
+    REQUIRE(seen);
+    Feature f;
+    placer.place(f, *seen, depth);
+    CHECK((Vector2(S(f.x), S(f.y)) - ideal).norm() < S(0.12));  // as without: the lens between pixels
+    CHECK(std::abs(S(f.depth) - p.z()) < S(0.004));             // and the slant within one
+    // Without depth its place is that of something far away: turned, not moved.
+    Feature far;
+    placer.place(far, *seen, Image<float>(640, 480, 0.0F));
+    const Vector3 turned = row_pose(seen->y()).so3().inverse() * *camera.unproject(*seen, S(1));
+    CHECK(far.depth == 0.0F);
+    CHECK((Vector2(S(far.x), S(far.y)) - *placer.pinhole().project(turned)).norm() < S(0.12));
+  }
+}
+
 TEST_CASE("features on a mask are flagged, flags that are set stay, and outside the image nothing is read") {
   Image<std::uint8_t> mask(10, 10, 0);
   mask(3, 4) = 1;

@@ -155,6 +155,8 @@ TEST_CASE("depth images are paired by when they were taken: the camera says how 
       "width = 64\nheight = 64\nfx = 60\nfy = 60\ncx = 32\ncy = 32\ndepth_time_offset = 2\n");
   CHECK(
       test::mentions(test::error_of([&] { (void)parse_camera(far, "c.txt"); }), "depth_time_offset must be"));
+  std::istringstream slow("width = 64\nheight = 64\nfx = 60\nfy = 60\ncx = 32\ncy = 32\nreadout_time = 24\n");
+  CHECK(test::mentions(test::error_of([&] { (void)parse_camera(slow, "c.txt"); }), "readout_time must be"));
 }
 
 TEST_CASE("broken sequences are refused with the file") {

@@ -16,6 +16,7 @@
 #include "dynslam/config.hpp"
 #include "dynslam/dynamics/depth_grid.hpp"
 #include "dynslam/dynamics/free_space.hpp"
+#include "dynslam/geometry/rolling_shutter.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/image/depth_bounds.hpp"
 #include "dynslam/image/image.hpp"
@@ -36,7 +37,8 @@ struct FreeSpaceOptions {
   float max_depth = 5.0F;        ///< beyond, depth is too noisy to judge [m]
   FreeSpaceMargins<float> margins;
   /// Share of the motion between two frames by which a depth image may lie beside its pose: its rows are not
-  /// taken at once (a rolling shutter), and nobody knows its time to the millisecond.
+  /// taken at once (a rolling shutter), and nobody knows its time to the millisecond. Half of it where the
+  /// motion of the rows is given.
   double timing = 0.2;
   int max_shift = 4;  ///< beside its pose at most [cells]
 };
@@ -81,8 +83,10 @@ class FreeSpaceHistory {
 
   /// Compares the cells of a frame at T_c_w with earlier views.
   /// @param depth, smooth  as DepthGrid::reduce makes them
+  /// @param shutter  how the camera moved while the rows of the depth image were read
   void check(const DepthGrid& grid, const Image<float>& depth, const Image<std::uint8_t>& smooth,
-             const SE3<S>& T_c_w, FreeSpaceVerdicts& out) {
+             const SE3<S>& T_c_w, FreeSpaceVerdicts& out, const RollingShutter<S>& shutter = {}) {
+    shutter_ = GridShutter(shutter, grid.height());
     const std::size_t cells = grid.cells();
     violations_.assign(cells, 0);
     support_.assign(cells, 0);
@@ -110,7 +114,7 @@ class FreeSpaceHistory {
     }
   }
 
-  /// Keeps a frame as evidence for later ones. Call it once per frame, in order.
+  /// Keeps the frame last checked as evidence for later ones. Call it once per frame, in order.
   /// @param state  CellState of each cell
   /// @param age    frames since direct evidence, for cells that are not static
   void remember(const Image<float>& depth, const SE3<S>& T_c_w, const Image<std::uint8_t>& state,
@@ -124,6 +128,7 @@ class FreeSpaceHistory {
     view.shifted = shift_ > 1;
     if (view.shifted) view.anywhere.compute(depth.view(), 5, shift_);
     view.T_c_w = T_c_w;
+    view.shutter = shutter_;
     view.state = state;
     view.age = age;
     views_.push_front(std::move(view));
@@ -144,10 +149,25 @@ class FreeSpaceHistory {
   }
 
  private:
+  /// A rolling shutter over the rows of the grid.
+  struct GridShutter {
+    Eigen::Vector3f upsilon = Eigen::Vector3f::Zero(), omega = Eigen::Vector3f::Zero();
+    float per_row = 0, middle = 0;
+    bool moves = false;
+    GridShutter() = default;
+    GridShutter(const RollingShutter<S>& shutter, int rows)
+        : upsilon(shutter.upsilon().template cast<float>()),
+          omega(shutter.omega().template cast<float>()),
+          per_row(1.0F / static_cast<float>(rows)),
+          middle(0.5F * static_cast<float>(rows)),
+          moves(shutter.moves()) {}
+  };
+
   struct View {
     DepthBounds<float> bounds, anywhere;  // anywhere: within `shift_`, where that is more
     bool shifted = false;
     Image<std::uint8_t> state, age;
+    GridShutter shutter;
     SE3<S> T_c_w;
   };
 
@@ -161,7 +181,8 @@ class FreeSpaceHistory {
     if (views_.empty()) return 0;
     const SE3<S> step = T_c_w * views_.front().T_c_w.inverse();
     const S cells = (step.translation().norm() + step.so3().log().norm()) * S(grid.fx());
-    return static_cast<int>(std::lround(std::min(S(options_.max_shift), S(options_.timing) * cells)));
+    const S timing = shutter_.moves ? S(0.5) * S(options_.timing) : S(options_.timing);
+    return static_cast<int>(std::lround(std::min(S(options_.max_shift), timing * cells)));
   }
 
   /// Cells that lie on one surface, as far as that is known: beside something farther, a cell may show that.
@@ -195,7 +216,9 @@ class FreeSpaceHistory {
       const std::size_t b = c % kBlock;
       if (b == 0) {
         const std::size_t n = std::min(kBlock, cells - c);
-        find_cells(grid, depth, T_v_c, c, std::span(cell).first(n), std::span(z).first(n));
+        const auto find = shutter_.moves || view.shutter.moves ? &FreeSpaceHistory::find_cells<true>
+                                                               : &FreeSpaceHistory::find_cells<false>;
+        (this->*find)(grid, depth, T_v_c, view.shutter, c, std::span(cell).first(n), std::span(z).first(n));
       }
       if (cell[b] < 0) continue;
       const auto q = static_cast<std::size_t>(cell[b]);
@@ -232,8 +255,10 @@ class FreeSpaceHistory {
   }
 
   /// Where a view had the surfaces of the cells first, first + 1, ...: cell (-1: outside) and depth [m].
-  void find_cells(const DepthGrid& grid, const Image<float>& depths, const SE3<S>& T_v_c, std::size_t first,
-                  std::span<int> cell, std::span<float> z) const {
+  /// @tparam kRolling  whether rows were read one after the other; to first order, a hundredth of a cell
+  template <bool kRolling>
+  void find_cells(const DepthGrid& grid, const Image<float>& depths, const SE3<S>& T_v_c,
+                  const GridShutter& then, std::size_t first, std::span<int> cell, std::span<float> z) const {
     const Eigen::Matrix3f R = T_v_c.rotation_matrix().template cast<float>();
     const Eigen::Vector3f t = T_v_c.translation().template cast<float>();
     const float fx = grid.fx(), fy = grid.fy(), cx = grid.cx(), cy = grid.cy();
@@ -243,10 +268,24 @@ class FreeSpaceHistory {
     const float *depth = depths.data() + first, *rx = grid.ray_x() + first, *ry = grid.ray_y() + first;
     for (std::size_t k = 0; k < cell.size(); ++k) {  // without branches: several at once
       const float d = depth[k];
-      const float pz = d * (R(2, 0) * rx[k] + R(2, 1) * ry[k] + R(2, 2)) + t.z();
-      const float inverse = 1.0F / pz;
-      const float x = fx * (d * (R(0, 0) * rx[k] + R(0, 1) * ry[k] + R(0, 2)) + t.x()) * inverse + cx;
-      const float y = fy * (d * (R(1, 0) * rx[k] + R(1, 1) * ry[k] + R(1, 2)) + t.y()) * inverse + cy;
+      float pz, x, y;
+      if constexpr (kRolling) {
+        // The cell's row is where its ray meets the grid.
+        const float now = shutter_.per_row * (shutter_.middle - (fy * ry[k] + cy));
+        const Vector p = moved({d * rx[k], d * ry[k], d}, shutter_, now);
+        Vector q{R(0, 0) * p.x + R(0, 1) * p.y + R(0, 2) * p.z + t.x(),
+                 R(1, 0) * p.x + R(1, 1) * p.y + R(1, 2) * p.z + t.y(),
+                 R(2, 0) * p.x + R(2, 1) * p.y + R(2, 2) * p.z + t.z()};
+        q = moved(q, then, then.per_row * (fy * q.y / q.z + cy - then.middle));
+        pz = q.z;
+        x = fx * q.x / q.z + cx;
+        y = fy * q.y / q.z + cy;
+      } else {
+        pz = d * (R(2, 0) * rx[k] + R(2, 1) * ry[k] + R(2, 2)) + t.z();
+        const float inverse = 1.0F / pz;
+        x = fx * (d * (R(0, 0) * rx[k] + R(0, 1) * ry[k] + R(0, 2)) + t.x()) * inverse + cx;
+        y = fy * (d * (R(1, 0) * rx[k] + R(1, 1) * ry[k] + R(1, 2)) + t.y()) * inverse + cy;
+      }
       const bool inside = (d > 0.0F) & (d < max_depth) & (pz >= near) & (x >= 0.0F) & (y >= 0.0F) &
                           (x < width) & (y < height);
       // What is outside, or not a number, is not a place that an integer could hold.
@@ -256,7 +295,18 @@ class FreeSpaceHistory {
     }
   }
 
+  struct Vector {
+    float x, y, z;
+  };
+  [[nodiscard]] static Vector moved(const Vector& p, const GridShutter& by, float share) {
+    const auto &u = by.upsilon, &w = by.omega;
+    return {p.x + share * (w.y() * p.z - w.z() * p.y + u.x()),
+            p.y + share * (w.z() * p.x - w.x() * p.z + u.y()),
+            p.z + share * (w.x() * p.y - w.y() * p.x + u.z())};
+  }
+
   FreeSpaceOptions options_;
+  GridShutter shutter_;            // of the frame last checked
   std::vector<std::size_t> lags_;  // frames, ascending
   std::deque<View> views_;         // newest first
   std::vector<View> spare_;        // memory of dropped views

@@ -24,6 +24,8 @@
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
 #include "dynslam/features/corners.hpp"
+#include "dynslam/geometry/rolling_camera.hpp"
+#include "dynslam/geometry/rolling_shutter.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/image/image.hpp"
 #include "dynslam/image/image_view.hpp"
@@ -62,6 +64,9 @@ class MotionSegmenter {
   /// once: in a fast turn, 20 ms make the whole room stand elsewhere. Nullopt: at once, or nobody knows.
   void set_depth_motion(const std::optional<SE3<S>>& T_depth_c) { T_depth_c_ = T_depth_c; }
 
+  /// How the camera moves while the next frame's rows are read, colour and depth; poses are the middle row's.
+  void set_rolling_shutter(const RollingShutter<S>& shutter) { shutter_ = shutter; }
+
   /// Finds what moves in a frame with the given initial pose. The first call fixes the size of the images.
   /// @param prior     a-priori mask of what may move, 0 x 0 without one: never enters scales or F
   /// @param on_stage  called with each MotionStage when it is done (to take times)
@@ -78,13 +83,13 @@ class MotionSegmenter {
     }
     motion_.status = MotionStatus::ok;
     pyramid_.build(gray, options_.reference.levels);
-    reference_.track(camera_, pyramid_, T_c_w, prior, options_.reference, matches_);
+    reference_.track(rolling(), pyramid_, T_c_w, prior, options_.reference, matches_);
     on_stage(MotionStage::matching);
     judge_matches(depth, T_c_w);
     on_stage(MotionStage::residuals);
     grid_.reduce(depth, depth_, smooth_);
     if (options_.method == Method::full) {
-      history_.check(grid_, depth_, smooth_, depth_pose(T_c_w), verdicts_);
+      history_.check(grid_, depth_, smooth_, depth_pose(T_c_w), verdicts_, shutter_);
     } else {
       verdicts_.resize(grid_.width(), grid_.height());
       for (auto* image : {&verdicts_.seed, &verdicts_.barrier, &verdicts_.verified}) image->fill(0);
@@ -132,9 +137,9 @@ class MotionSegmenter {
     }
     pyramid_.build(gray, options_.reference.levels);
     for (int round = 0; round < options_.locating.rounds; ++round) {
-      reference_.track(camera_, pyramid_, located.T_c_w, prior, options_.reference, matches_);
+      reference_.track(rolling(), pyramid_, located.T_c_w, prior, options_.reference, matches_);
       const PoseConsensusResult<S> next =
-          locate_reference(camera_, std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(), depth,
+          locate_reference(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(), depth,
                            located.T_c_w, options_.locating, locating_);
       if (!next.ok() || next.inliers <= located.inliers) break;
       located = next;
@@ -168,7 +173,9 @@ class MotionSegmenter {
     }
     if (options_.method == Method::full) history_.remember(depth_, depth_pose(T_c_w), state_, verdicts_.age);
     ++reference_age_;
-    if (options_.own_reference.use && wants_reference()) take_reference(T_c_w);
+    const double max_age = options_.own_reference.max_age * options_.free_space.frame_rate;  // frames
+    const bool wanted = reference_.empty() || reference_age_ >= max_age || reference_worn();
+    if (options_.own_reference.use && wanted) take_reference(T_c_w);
   }
 
   /// Moves what is remembered with a correction of the map (after a loop or an adjustment):
@@ -182,7 +189,7 @@ class MotionSegmenter {
   /// the host chooses them.
   void set_reference(std::span<const ReferenceKeypoint<S>> keypoints, const SE3<S>& T_c_w) {
     options_.own_reference.use = false;
-    reference_.set(camera_, pyramid_, keypoints, T_c_w, options_.reference);
+    reference_.set(rolling(), pyramid_, keypoints, T_c_w, options_.reference);
     reference_age_ = 0;
   }
   [[nodiscard]] bool has_reference() const { return !reference_.empty(); }
@@ -224,7 +231,7 @@ class MotionSegmenter {
     motion_.epipolar_used = false;
     motion_.scales = {};
     if (matches_.empty()) return;
-    const auto& result = static_weights(camera_, std::span<const KeypointMatch<S>>(matches_),
+    const auto& result = static_weights(rolling(), std::span<const KeypointMatch<S>>(matches_),
                                         reference_.gray(), pyramid_.image(0), depth,
                                         T_c_w * reference_.T_c_w().inverse(), options_.weights, weights_);
     motion_.mismatches = result.mismatches;
@@ -239,6 +246,7 @@ class MotionSegmenter {
     }
   }
 
+  [[nodiscard]] RollingCamera<Camera> rolling() const { return {camera_, shutter_}; }
   [[nodiscard]] SE3<S> depth_pose(const SE3<S>& T_c_w) const {
     return T_depth_c_ ? *T_depth_c_ * T_c_w : T_c_w;
   }
@@ -292,10 +300,16 @@ class MotionSegmenter {
         if (sites_[k].moving && parts_(sites_[k].u, sites_[k].v) == part)
           body_.push_back(matches_[site_match_[k]]);
       }
-      if (!moves_as_one(camera_, std::span<const KeypointMatch<S>>(body_), reference_.T_c_w(), depth, T_c_w,
+      if (!moves_as_one(rolling(), std::span<const KeypointMatch<S>>(body_), reference_.T_c_w(), depth, T_c_w,
                         S(o.agreeing), options_.locating, locating_))
         continue;
-      if (bodies_++ == 0) vote_at_rest();
+      if (bodies_++ == 0) {
+        votes_.resize(grid_.width(), grid_.height());
+        votes_.fill(0);
+        for (const VerdictSite& s : sites_) {
+          if (!s.moving) votes_(s.u, s.v) = kForRest;
+        }
+      }
       for (const VerdictSite& s : sites_) {
         if (s.moving && parts_(s.u, s.v) == part) votes_(s.u, s.v) = kForBody;
       }
@@ -304,14 +318,6 @@ class MotionSegmenter {
         take_for_moving(c);
         verdicts_.verified.data()[c] = 0;
       }
-    }
-  }
-
-  void vote_at_rest() {
-    votes_.resize(grid_.width(), grid_.height());
-    votes_.fill(0);
-    for (const VerdictSite& s : sites_) {
-      if (!s.moving) votes_(s.u, s.v) = kForRest;
     }
   }
 
@@ -343,11 +349,6 @@ class MotionSegmenter {
     verdicts_.age.data()[cell] = 0;
   }
 
-  [[nodiscard]] bool wants_reference() const {
-    const double max_age = options_.own_reference.max_age * options_.free_space.frame_rate;  // frames
-    return reference_.empty() || reference_age_ >= max_age || reference_worn();
-  }
-
   void take_reference(const SE3<S>& T_c_w) {
     const int level = std::min(1, pyramid_.size() - 1);
     find_corners(pyramid_.image(level),
@@ -362,7 +363,7 @@ class MotionSegmenter {
       keypoints_.push_back(
           {x, static_cast<S>(depth_.data()[c]), S(1 << level), state_.data()[c] != kCellStatic});
     }
-    reference_.set(camera_, pyramid_, std::span<const ReferenceKeypoint<S>>(keypoints_), T_c_w,
+    reference_.set(rolling(), pyramid_, std::span<const ReferenceKeypoint<S>>(keypoints_), T_c_w,
                    options_.reference);
     reference_age_ = 0;
   }
@@ -372,9 +373,10 @@ class MotionSegmenter {
   DepthGrid grid_;
   HalvingPyramid<std::uint8_t> pyramid_;  // of the frame last segmented
   std::optional<SE3<S>> T_depth_c_;       // and where its depth image was taken
+  RollingShutter<S> shutter_;             // and how the camera moved meanwhile
   ReferenceKeyframe<S> reference_;
   int reference_age_ = 0;  // frames
-  std::vector<KeypointMatch<S>> matches_;
+  std::vector<KeypointMatch<S>> matches_, body_;
   LocateWorkspace<S> locating_;
   StaticWeightsWorkspace<S> weights_;
   FreeSpaceHistory<S> history_;
@@ -390,7 +392,6 @@ class MotionSegmenter {
   enum Vote : std::uint8_t { kForBody = 1, kForRest = 2 };
   Image<std::uint8_t> votes_;  // of keypoints, by cell
   int bodies_ = 0;
-  std::vector<KeypointMatch<S>> body_;
   CornerWorkspace corner_workspace_;
   std::vector<Eigen::Vector2i> corners_;
   std::vector<ReferenceKeypoint<S>> keypoints_;

@@ -132,7 +132,12 @@ void flag_mismatches(const C& camera, std::span<const KeypointMatch<S>> matches,
     for (std::size_t k = 0; k < matches.size(); ++k) {
       if (matches[k].masked != masked) continue;
       const auto x = pinhole.project(matches[k].p_ref);
-      const auto x_m = to_ideal(camera, pinhole, matches[k].x_m);
+      const auto x_m = [&] {
+        if constexpr (requires { camera.undistort_pixel(matches[k].x_m, S(1)); })  // RollingCamera
+          return camera.undistort_pixel(matches[k].x_m, (T_cur_ref * matches[k].p_ref).z());
+        else
+          return to_ideal(camera, pinhole, matches[k].x_m);
+      }();
       if (!x || !x_m) continue;
       ws.index.push_back(k);
       ws.x.push_back(x->template cast<double>());
@@ -184,6 +189,9 @@ void collect_residuals(const C& camera, std::span<const KeypointMatch<S>> matche
     const auto e_d = depth_residual(p_c, depth, m.x_m);
     r.has_depth = e_d.has_value();
     r.depth = e_d.value_or(S(0));
+    if constexpr (requires { camera.depth_at_middle(m.x_m, S(1)); }) {  // RollingCamera
+      if (e_d && camera.moves()) r.depth = p_c.z() - camera.depth_at_middle(m.x_m, p_c.z() - *e_d);
+    }
     if (m.masked || ws.result.mismatch[k] != 0) continue;
     if (r.has_photometric) ws.photometric.push_back(r.photometric);
     ws.reprojection.push_back(r.reprojection);

@@ -14,13 +14,15 @@
 #include "dynslam/features/feature.hpp"
 #include "dynslam/geometry/ideal_pinhole.hpp"
 #include "dynslam/geometry/pinhole.hpp"
+#include "dynslam/geometry/rolling_shutter.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/image/depth.hpp"
 
 namespace dynslam {
 
 /// Tells of a recorded pixel what geometry needs of it: the pixel of the ideal pinhole camera, and the depth
-/// there at the time of the colour image.
+/// there at the time of the colour image; both as its middle row would have seen them, where rows are read
+/// one after the other.
 ///
 /// The inverse of a lens is looked up: it is calculated once per pixel of the image, and the displacement at
 /// the nearest one serves the positions between, for a lens is smooth.
@@ -60,8 +62,18 @@ class FeaturePlacer {
   /// nullopt: at once, or nobody knows.
   void set_depth_motion(const std::optional<SE3<S>>& T_depth_c) { T_depth_c_ = T_depth_c; }
 
+  /// How the camera moves while the colour image's rows are read. Depth is read alike, row by row, the motion
+  /// of set_depth_motion() earlier or later.
+  void set_rolling_shutter(const RollingShutter<S>& shutter) { shutter_ = shutter; }
+
+  /// The recorded pixel of a point in the camera's frame [m], the middle row's: the inverse of place().
+  [[nodiscard]] std::optional<Vector2> project(const Vector3& p_c) const {
+    return shutter_.project(camera_, p_c);
+  }
+
   /// Puts a feature at a recorded pixel: u, v, x, y and depth are set. A pixel to which the lens has no
-  /// inverse, or outside the image, has neither an ideal pixel (kNowhere) nor a depth.
+  /// inverse, or outside the image, has neither an ideal pixel (kNowhere) nor a depth. Of a feature without
+  /// depth the middle row's view is that of something far away.
   template <DepthImage I>
   void place(Feature& f, const Vector2& pixel, const I& depth) const {
     f.u = static_cast<float>(pixel.x());
@@ -74,9 +86,30 @@ class FeaturePlacer {
         ideal_[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(u)];
     f.x = ideal.x() + (f.u - static_cast<float>(u));
     f.y = ideal.y() + (f.v - static_cast<float>(v));
+    if (ideal.x() == kNowhere) return;
     const auto z = static_cast<float>(depth(u, v));
-    if (!is_valid_depth(z) || ideal.x() == kNowhere) return;
-    f.depth = T_depth_c_ ? depth_of_colour_time(f, z, depth) : z;
+    if (is_valid_depth(z)) f.depth = T_depth_c_ ? depth_of_colour_time(f, z, depth) : z;
+    bring_to_middle(f);
+  }
+
+  /// Puts a feature that was placed as if all rows were read at once where the middle row would have seen it.
+  void bring_to_middle(Feature& f) const {
+    if (!shutter_.moves() || f.x == kNowhere) return;
+    constexpr float kFar = 1e4F;  // [m]; the camera's way does not show there
+    Feature seen = f;
+    if (f.depth <= 0) seen.depth = kFar;
+    const Vector3 p = shutter_.to_middle(point(seen), static_cast<S>(f.v));
+    const auto x = pinhole_.project(p);
+    if (!x) return;
+    f.x = static_cast<float>(x->x());
+    f.y = static_cast<float>(x->y());
+    if (f.depth > 0) f.depth = static_cast<float>(p.z());
+  }
+
+  /// A feature's depth when its own row was read [m], as it is for unproject() of its recorded pixel.
+  [[nodiscard]] S depth_of_row(const Feature& f) const {
+    if (!shutter_.moves() || f.depth <= 0) return static_cast<S>(f.depth);
+    return shutter_.to_row(point(f), static_cast<S>(f.v)).z();
   }
 
   /// The point that a feature with depth shows, in the camera's frame [m].
@@ -109,6 +142,7 @@ class FeaturePlacer {
   int width_, height_;
   std::vector<Eigen::Vector2f> ideal_;  // per recorded pixel
   std::optional<SE3<S>> T_depth_c_;
+  RollingShutter<S> shutter_;
 };
 
 }  // namespace dynslam

@@ -146,7 +146,7 @@ class LocalMatcher {
       const int held = holder_[static_cast<std::size_t>(id)];
       if (held < 0) ++p.visible;
       // Its patch says where it is to a fraction of a pixel.
-      const auto start = placer_.camera().project(seen->p_c);
+      const auto start = placer_.project(seen->p_c);
       const auto match = start ? align(map, p, T_c_w, seen->p_c, *start, pyramid) : std::nullopt;
       if (match) {
         matches += take_patch(p, id, held, *match, depth, frame) ? 1 : 0;

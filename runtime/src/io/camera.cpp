@@ -22,12 +22,15 @@ namespace {
 
 CameraConfig make(std::string name, const std::array<double, 4>& k, const std::array<double, 5>& d,
                   double units, double depth_time_offset = 0) {
+  // PrimeSense's design, which all of these are (Kinect, Xtion PRO LIVE): docs/cameras.md, Rolling shutter.
+  constexpr double kReadout = 0.024;
   CameraConfig camera;
   camera.name = std::move(name);
   camera.model = PinholeBrownConrady<double>(Pinhole<double>(k[0], k[1], k[2], k[3]),
                                              BrownConrady<double>(d[0], d[1], d[2], d[3], d[4]));
   camera.depth_units_per_metre = units;
   camera.depth_time_offset = depth_time_offset;
+  camera.readout_time = kReadout;
   return camera;
 }
 

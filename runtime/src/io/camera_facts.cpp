@@ -18,8 +18,8 @@ namespace {
 
 constexpr std::array<std::string_view, 6> kNeeded{"width", "height", "fx", "fy", "cx", "cy"};
 constexpr std::array<std::string_view, 8> kCoefficients{"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
-constexpr std::array<std::string_view, 3> kDepth{"depth_units_per_metre", "invalid_depth",
-                                                 "depth_time_offset"};
+constexpr std::array<std::string_view, 4> kImages{"depth_units_per_metre", "invalid_depth",
+                                                  "depth_time_offset", "readout_time"};
 constexpr std::array<std::string_view, 6> kNoise{"depth_noise_base", "depth_noise_linear", "depth_noise_quad",
                                                  "baseline",         "disparity_noise",    "stereo_focal"};
 constexpr std::array<std::string_view, 3> kWords{"name", "model", "depth_noise"};
@@ -168,7 +168,7 @@ std::optional<DepthNoise<double>> noise_of(const FactReader& facts) {
 }  // namespace
 
 bool is_camera_number(std::string_view key) {
-  return is_among(key, kNeeded) || is_among(key, kCoefficients) || is_among(key, kDepth) ||
+  return is_among(key, kNeeded) || is_among(key, kCoefficients) || is_among(key, kImages) ||
          is_among(key, kNoise);
 }
 
@@ -218,6 +218,8 @@ CameraConfig camera_of_facts(const CameraFacts& given, const std::string& file) 
   camera.invalid_depth = facts.whole("invalid_depth", 0);
   camera.depth_time_offset = facts.get("depth_time_offset", 0);
   if (!(std::abs(camera.depth_time_offset) <= 1)) facts.fail("depth_time_offset must be from -1 to 1 s");
+  camera.readout_time = facts.get("readout_time", 0);
+  if (!(std::abs(camera.readout_time) <= 0.2)) facts.fail("readout_time must be from -0.2 to 0.2 s");
   camera.depth_noise = noise_of(facts);
   return camera;
 }

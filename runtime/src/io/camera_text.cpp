@@ -47,6 +47,7 @@ std::string camera_text(const CameraConfig& camera) {
   if (camera.invalid_depth != 0) text += fmt::format("invalid_depth = {}\n", camera.invalid_depth);
   if (camera.depth_time_offset != 0)
     text += fmt::format("depth_time_offset = {}\n", camera.depth_time_offset);
+  if (camera.readout_time != 0) text += fmt::format("readout_time = {}\n", camera.readout_time);
   if (camera.depth_noise) text += noise_text(*camera.depth_noise);
   return text;
 }

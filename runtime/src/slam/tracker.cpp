@@ -73,7 +73,10 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   }
 
   now.result.state = TrackingState::tracked;
-  if (!locate(now) && !(disbelieve_prior(now, MaskVerdict::starved) && locate(now))) {
+  bool located = locate(now) || (disbelieve_prior(now, MaskVerdict::starved) && locate(now));
+  if (located && begin_again(now)) located = locate(now);
+  began_at_rest_ = false;
+  if (!located) {
     now.plain = true;  // what keeps movers out must not lose the camera: without it, at last
     now.result.state = relocalise(now)                                      ? TrackingState::relocalised
                        : locate(now)                                        ? TrackingState::tracked
@@ -110,7 +113,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
 }
 
 void Tracker::extract(Present& now) {
-  matcher_.placer().set_depth_motion(depth_motion(now.input, velocity_));
+  set_motion(now, velocity_);
   now.image = now.input.features;
   if (!now.image) {
     auto own = std::make_shared<ImageFeatures>();
@@ -135,14 +138,6 @@ void Tracker::extract(Present& now) {
   frame.dynamic.assign(frame.features.size(), 0);
   frame.grid.build(frame.features, camera_.width, camera_.height);
   matcher_.begin(frame);
-}
-
-std::optional<SE3<double>> Tracker::depth_motion(const RgbdFrame& input, const SE3<double>& velocity) const {
-  const double interval = input.t - last_.t, longest = options_.search.longest_delay;
-  if (!initialised_ || lost_frames_ > 0 || input.depth_delay == 0 || std::abs(input.depth_delay) >= longest ||
-      interval <= 0 || interval >= 4 * longest)
-    return std::nullopt;
-  return SE3<double>::exp(velocity.log() * (input.depth_delay / interval));
 }
 
 void Tracker::mask_a_priori(Present& now, const std::optional<Masks>& prior) const {
@@ -178,6 +173,7 @@ void Tracker::start_map(Present& now) {
     geometry_.segment(interop::view<const std::uint8_t>(now.input.gray), now.depth, SE3<double>());
   keep(now);
   initialised_ = true;
+  began_at_rest_ = camera_.readout_time != 0;
   now.result.state = TrackingState::tracked;
   now.result.inliers = last_keyframe_tracked_;
   if (uses_geometry(options_.dynamics))
@@ -245,16 +241,8 @@ bool Tracker::align_with_last(Present& now, int wanted) {
   return prove_on_local_map(now, wanted);
 }
 
-/// The features' depth at the colour image's time, by the motion that was found instead of the one before it.
-void Tracker::look_up_depth(Present& now) {
-  const auto motion = depth_motion(now.input, now.T_c_w * last_.T_c_w.inverse());
-  if (!motion) return;
-  matcher_.placer().set_depth_motion(motion);
-  for (Feature& f : now.frame.features) matcher_.placer().place(f, Eigen::Vector2d(f.u, f.v), now.depth);
-}
-
 bool Tracker::prove_on_local_map(Present& now, int wanted) {
-  look_up_depth(now);
+  place_again(now);
   matcher_.match_local(map_, now.T_c_w, now.image->pyramid, now.depth, now.frame);
   if (additions_.strict_local_map && !now.plain) {
     // The pose is good to a fraction of a pixel already. What is farther off moves, and were it let in, a
@@ -303,7 +291,9 @@ bool Tracker::relocalise(Present& now) {
 void Tracker::find_movers(Present& now) {
   TrackResult& result = now.result;
   if (geometry_.has_reference()) geometry_.place_reference(T_reference_keyframe_ * map_.pose(reference_id_));
-  geometry_.set_depth_motion(depth_motion(now.input, now.T_c_w * last_.T_c_w.inverse()));
+  const SE3<double> T_c_last = now.T_c_w * last_.T_c_w.inverse();
+  geometry_.set_depth_motion(depth_motion(now.input, T_c_last));
+  geometry_.set_rolling_shutter(shutter(now.input, T_c_last));
   constexpr std::array kStages{Stage::lucas_kanade, Stage::residuals, Stage::free_space, Stage::growing};
   Stopwatch watch;
   const auto& motion = geometry_.segment(
@@ -386,6 +376,7 @@ void Tracker::accept(Present& now) {
   frame.T_c_w = now.T_c_w;
   matcher_.drop_unmatched(frame);
   for (const int p : frame.point) now.result.matches += p >= 0 ? 1 : 0;
+  velocity_interval_ = interval(now.input).value_or(0);
   velocity_ = lost_frames_ == 0 ? now.T_c_w * last_.T_c_w.inverse() : SE3<double>();
   lost_frames_ = 0;
 }

@@ -78,7 +78,7 @@ void Tracker::remember_last(Present& now) {
   last_ = std::move(now.frame);
   if (additions_.image_alignment)
     last_view_.remember(now.image->pyramid, now.depth, now.result.dynamic_mask, last_moving_);
-  if (!additions_.second_look) return;
+  if (!additions_.second_look && !began_at_rest_) return;
   const std::vector<cv::Mat>& levels = now.image->pyramid.levels;
   cv::Mat own = last_pyramid_.levels.empty() ? cv::Mat() : last_pyramid_.levels.front();
   levels.front().copyTo(own);  // level 0 may be the caller's
@@ -91,6 +91,29 @@ bool Tracker::look_again() {
   (void)settle();  // the bundle adjustment writes the map
   std::fill(last_.dynamic.begin(), last_.dynamic.end(), 0);
   if (!last_moving_.empty()) flag(last_, widened(last_moving_, options_.feature_margin), last_.dynamic);
+  insert_last();
+  return true;
+}
+
+/// The first frame was placed as a camera at rest would have seen it. The second tells how it moved: the map
+/// begins anew, the rows where they belong. @return whether it did
+bool Tracker::begin_again(const Present& now) {
+  if (!began_at_rest_ || !interval(now.input)) return false;
+  velocity_ = now.T_c_w * last_.T_c_w.inverse();
+  matcher_.placer().set_rolling_shutter(shutter(now.input, velocity_));
+  for (Feature& f : last_.features) matcher_.placer().bring_to_middle(f);
+  std::fill(last_.point.begin(), last_.point.end(), -1);
+  map_ = LocalMap();
+  places_ = PlaceIndex();
+  insert_last();
+  if (!uses_geometry(options_.dynamics)) return true;
+  geometry_.set_rolling_shutter(shutter(now.input, velocity_));  // its images are still the last frame's
+  set_reference(last_);
+  return true;
+}
+
+/// Makes the last frame a keyframe.
+void Tracker::insert_last() {
   points_.trust_all(last_);
   last_keyframe_tracked_ = points_.make(map_, last_pyramid_, last_);
   last_.grid.build(last_.features, camera_.width, camera_.height);
@@ -99,7 +122,6 @@ bool Tracker::look_again() {
   last_keyframe_index_ = last_.index;
   last_keyframe_t_ = last_.t;
   last_pyramid_ = {};  // once
-  return true;
 }
 
 void Tracker::set_reference(const Frame& frame) {
@@ -107,7 +129,7 @@ void Tracker::set_reference(const Frame& frame) {
   keypoints.reserve(frame.features.size());
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
     const Feature& f = frame.features[i];
-    keypoints.push_back({Eigen::Vector2d(f.u, f.v), static_cast<double>(f.depth),
+    keypoints.push_back({Eigen::Vector2d(f.u, f.v), matcher_.placer().depth_of_row(f),
                          static_cast<double>(extractor_.scale(f.octave)),
                          options_.method == Method::full && frame.dynamic[i] != 0});
   }

@@ -61,6 +61,8 @@ void check(const SynthOptions& o) {
   if (o.blackout_from < 0 || o.blackout_frames < 0)
     throw UsageError("a blackout cannot begin or last less than 0 frames");
   if (!(o.fps >= 1 && o.fps <= 240)) throw UsageError("--fps must be from 1 to 240");
+  if (!(std::abs(o.readout_time) * o.fps <= 1))
+    throw UsageError("--readout-time must not be longer than the time between two frames");
   if (o.width < 64 || o.width > 4096 || o.height < 48 || o.height > 4096)
     throw UsageError(fmt::format("--size {}x{}: must be from 64x48 to 4096x4096", o.width, o.height));
 }
@@ -103,7 +105,7 @@ class Photographer {
   void take(int i) const {
     const double t = i / options_.fps;
     synth::Random random(options_.seed * 0x9E3779B1ULL + static_cast<std::uint64_t>(i) * 7919 + 11);
-    synth::Rendering picture = render(t, plan_.truth[static_cast<std::size_t>(i)].T_w_c);
+    synth::Rendering picture = render(t);
     if (i >= options_.blackout_from && i < options_.blackout_from + options_.blackout_frames) {
       for (cv::Mat* image :
            {&picture.bgr, &picture.depth, &picture.label, &picture.instance, &picture.dynamic, &picture.box})
@@ -126,9 +128,21 @@ class Photographer {
   }
 
  private:
-  [[nodiscard]] synth::Rendering render(double t, const SE3<double>& T_w_c) const {
-    return synth::render(scene_.triangles(t), scene_.textures(), camera_, T_w_c.inverse(), options_.width,
-                         options_.height);
+  [[nodiscard]] synth::Rendering render(double t) const {
+    if (options_.readout_time == 0) return render(t, camera_, options_.height);
+    synth::Rendering picture;
+    for (int v = 0; v < options_.height; ++v) {
+      const double after_middle = (v / (options_.height - 1.0) - 0.5) * options_.readout_time;
+      const Pinhole<double> row(camera_.fx(), camera_.fy(), camera_.cx(), camera_.cy() - v);
+      picture.append(render(t + after_middle, row, 1));
+    }
+    return picture;
+  }
+
+  /// All rows at once.
+  [[nodiscard]] synth::Rendering render(double t, const Pinhole<double>& camera, int height) const {
+    return synth::render(scene_.triangles(t), scene_.textures(), camera,
+                         synth::camera_pose(options_.path, t, shake_).inverse(), options_.width, height);
   }
 
   /// Motion blur, exposure and noise of the colour image.
@@ -140,7 +154,7 @@ class Photographer {
       for (const double shift : {-0.25, -0.125, 0.125, 0.25}) {
         const double ts = t + shift / options_.fps;
         cv::Mat part;
-        render(ts, synth::camera_pose(options_.path, ts, shake_)).bgr.convertTo(part, CV_32FC3);
+        render(ts).bgr.convertTo(part, CV_32FC3);
         sum += part;
       }
       sum.convertTo(bgr, CV_8UC3, 1.0 / 5.0);
@@ -209,6 +223,7 @@ nlohmann::json to_json(const SynthOptions& options) {
           {"blackout_from", options.blackout_from},
           {"blackout_frames", options.blackout_frames},
           {"fps", options.fps},
+          {"readout_time", options.readout_time},
           {"width", options.width},
           {"height", options.height}};
 }
@@ -251,6 +266,7 @@ void synthesize(const SynthOptions& options, const fs::path& out,
   camera.height = options.height;
   camera.model = camera_of(options);
   camera.depth_units_per_metre = kDepthUnits;
+  camera.readout_time = options.readout_time;
   write_file(out / "camera.txt", camera_text(camera));
 }
 

@@ -19,6 +19,13 @@ struct Rendering {
   cv::Mat cosine;               ///< CV_32FC1, between surface normal and viewing ray
   cv::Mat label, dynamic, box;  ///< CV_8UC1
   cv::Mat instance;             ///< CV_16UC1
+
+  /// Adds the rows of another below.
+  void append(const Rendering& below) {
+    bgr.push_back(below.bgr), depth.push_back(below.depth), cosine.push_back(below.cosine);
+    label.push_back(below.label), dynamic.push_back(below.dynamic), box.push_back(below.box);
+    instance.push_back(below.instance);
+  }
 };
 
 /// Renders triangles with perspective-correct textures and a z-buffer.

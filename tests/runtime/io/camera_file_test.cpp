@@ -111,11 +111,13 @@ TEST_CASE("ROS' camera_info is read with each of its models, in millimetres") {
   // What the file cannot say otherwise, beside it.
   const auto more = camera_of_text(ros("plumb_bob", "0, 0, 0, 0", 4) +
                                    "depth_units_per_metre: 4000  # of this driver\ninvalid_depth: 65535\n"
-                                   "depth_time_offset: 0.02\ndepth_noise: time_of_flight\n"
+                                   "depth_time_offset: 0.02\nreadout_time: -0.02\n"
+                                   "depth_noise: time_of_flight\n"
                                    "depth_noise_base: 0.002\ndepth_noise_linear: 0.001\n");
   CHECK(more.depth_units_per_metre == 4000);
   CHECK(more.invalid_depth == 65535);
   CHECK(more.depth_time_offset == 0.02);
+  CHECK(more.readout_time == -0.02);
   REQUIRE(more.depth_noise);
   CHECK(*more.depth_noise == DepthNoise<double>::time_of_flight(0.002, 0.001));
 }
@@ -319,6 +321,8 @@ TEST_CASE("each preset loads, says where it is from, and is the camera that it n
     CHECK(preset.model.brown_conrady()->coefficients() == known.model.brown_conrady()->coefficients());
     CHECK(preset.depth_units_per_metre == known.depth_units_per_metre);
     CHECK(preset.depth_time_offset == known.depth_time_offset);
+    CHECK(preset.readout_time == known.readout_time);
+    CHECK(known.readout_time > 0);
   }
   CHECK(load_camera((presets / "azure_kinect.txt").string()).model.brown_conrady()->is_rational());
 }

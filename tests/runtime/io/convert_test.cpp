@@ -163,6 +163,7 @@ TEST_CASE("a camera's text reads back as the camera, lens and noise included") {
   camera.depth_units_per_metre = 1000;
   camera.invalid_depth = 65535;
   camera.depth_time_offset = 0.019;
+  camera.readout_time = 0.024;
   const AnyCamera<double> lenses[] = {
       pinhole, PinholeBrownConrady<double>(pinhole, BrownConrady<double>(-0.2, 0.1, 0.001, -0.002, 0.01)),
       PinholeBrownConrady<double>(pinhole, BrownConrady<double>(0.1, -0.2, 0.001, 0, 0.1, 0.05, -0.1, 0.02)),
@@ -177,6 +178,7 @@ TEST_CASE("a camera's text reads back as the camera, lens and noise included") {
     CHECK(back.depth_units_per_metre == 1000);
     CHECK(back.invalid_depth == 65535);
     CHECK(back.depth_time_offset == 0.019);
+    CHECK(back.readout_time == 0.024);
     CHECK_FALSE(back.depth_noise);
   }
   for (const auto& noise :

@@ -71,6 +71,7 @@ class Tracker {
   static bool disbelieve_prior(Present& now, MaskVerdict why);
   void start_map(Present& now);
   bool locate(Present& now);
+  bool begin_again(const Present& now);
   /// Finds the pose from the last frame's points. @return inliers of the local map that prove it; 0: not
   /// found
   int find_initial_pose(Present& now);
@@ -78,7 +79,9 @@ class Tracker {
   /// Finds the pose by the last frame's grey values, where its points do not tell it.
   /// @return whether `wanted` points of the local map fit it
   bool align_with_last(Present& now, int wanted);
-  void look_up_depth(Present& now);
+  /// Tells the placer how the camera moves while the images are taken. @param T_c_last  since the last frame
+  void set_motion(const Present& now, const SE3<double>& T_c_last);
+  void place_again(Present& now);
   /// Matches the local map's points. @return whether `wanted` of them fit one pose
   bool prove_on_local_map(Present& now, int wanted);
   bool relocalise(Present& now);
@@ -95,12 +98,17 @@ class Tracker {
   /// Makes the last frame a keyframe with points of all that it saw and that was not found moving, proven or
   /// not, under an a-priori mask or not. @return false: nothing to look at
   bool look_again();
+  void insert_last();
   /// Makes the frame at hand the reference keyframe of the geometry.
   void set_reference(const Frame& frame);
 
+  /// Time since the last frame, where the motion since then tells of the motion during this one [s].
+  [[nodiscard]] std::optional<double> interval(const RgbdFrame& input) const;
   /// Where the camera was when the depth image was taken, by its motion since the last frame.
   [[nodiscard]] std::optional<SE3<double>> depth_motion(const RgbdFrame& input,
-                                                        const SE3<double>& velocity) const;
+                                                        const SE3<double>& T_c_last) const;
+  /// How it moved while the colour image was read, by the same.
+  [[nodiscard]] RollingShutter<double> shutter(const RgbdFrame& input, const SE3<double>& T_c_last) const;
   [[nodiscard]] bool reachable(const SE3<double>& T_c_w, double t) const;
   [[nodiscard]] bool wants_keyframe(const Present& now) const;
   /// Waits for the bundle adjustment, if one runs, and uses it. @return the correction, see follow()
@@ -131,8 +139,10 @@ class Tracker {
   ImagePyramid last_pyramid_;  // for look_again()
   cv::Mat last_moving_;        // what the geometry found in the last frame, CV_8UC1
   std::vector<std::uint8_t> recent_flags_;
-  SE3<double> velocity_;  // T_c_last
+  SE3<double> velocity_;          // T_c_last
+  double velocity_interval_ = 0;  // over which it was measured [s]; 0: it was not
   bool initialised_ = false;
+  bool began_at_rest_ = false;  // the last frame began the map, by a camera whose motion nobody knew
   int lost_frames_ = 0;
   std::size_t frames_ = 0;            // tracked or lost so far
   std::optional<double> last_t_;      // of the frame before [s]

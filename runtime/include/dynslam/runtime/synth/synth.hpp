@@ -23,6 +23,8 @@ struct SynthOptions {
   bool noise = true;                           ///< of colour and depth
   int blackout_from = 0, blackout_frames = 0;  ///< frames in which the lens is covered
   double fps = 30;
+  /// From the first row of an image to the last [s]; 0: all rows at once. Truth is of the middle row.
+  double readout_time = 0;
   /// Of the images [px]. The field of view across is that of 640x480, pixels stay square, and depth is as
   /// noisy in metres: the same camera resampled, cut off above and below where the image is wider than 4:3.
   int width = 640, height = 480;

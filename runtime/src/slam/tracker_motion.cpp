@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// How the camera moves while a frame's images are taken: depth comes later than colour, rows one after the
+// other.
+#include <cmath>
+#include <optional>
+
+#include "slam/tracker_present.hpp"
+
+namespace dynslam::runtime {
+
+void Tracker::set_motion(const Present& now, const SE3<double>& T_c_last) {
+  matcher_.placer().set_depth_motion(depth_motion(now.input, T_c_last));
+  matcher_.placer().set_rolling_shutter(shutter(now.input, T_c_last));
+}
+
+std::optional<double> Tracker::interval(const RgbdFrame& input) const {
+  const double interval = input.t - last_.t;
+  if (!initialised_ || lost_frames_ > 0 || interval <= 0 || interval >= 4 * options_.search.longest_delay)
+    return std::nullopt;
+  return interval;
+}
+
+std::optional<SE3<double>> Tracker::depth_motion(const RgbdFrame& input, const SE3<double>& T_c_last) const {
+  const auto since_last = interval(input);
+  if (!since_last || input.depth_delay == 0 || std::abs(input.depth_delay) >= options_.search.longest_delay)
+    return std::nullopt;
+  return SE3<double>::exp(T_c_last.log() * (input.depth_delay / *since_last));
+}
+
+RollingShutter<double> Tracker::shutter(const RgbdFrame& input, const SE3<double>& T_c_last) const {
+  const auto since_last = interval(input);
+  if (camera_.readout_time == 0 || !since_last) return {};
+  Eigen::Matrix<double, 6, 1> speed = T_c_last.log() / *since_last;
+  // That was the speed half an interval ago. Half of what it has gained since is added: all of it would be
+  // right on average, but poses have noise, and its share would be larger than the gain.
+  if (velocity_interval_ > 0) speed += 0.25 * (speed - velocity_.log() / velocity_interval_);
+  return {speed * camera_.readout_time, camera_.height};
+}
+
+/// Places the features by the motion that was found instead of the one before it.
+void Tracker::place_again(Present& now) {
+  if (!interval(now.input) || (now.input.depth_delay == 0 && camera_.readout_time == 0)) return;
+  set_motion(now, now.T_c_w * last_.T_c_w.inverse());
+  for (Feature& f : now.frame.features) matcher_.placer().place(f, Eigen::Vector2d(f.u, f.v), now.depth);
+}
+
+}  // namespace dynslam::runtime

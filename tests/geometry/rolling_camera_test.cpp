@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "dynslam/geometry/rolling_camera.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+#include "dynslam/geometry/brown_conrady.hpp"
+#include "dynslam/geometry/pinhole.hpp"
+
+using namespace dynslam;
+
+namespace {
+
+template <class S>
+PinholeBrownConrady<S> lens() {
+  return PinholeBrownConrady<S>(Pinhole<S>(S(517), S(516), S(318), S(255)),
+                                BrownConrady<S>(S(0.1), S(-0.2), S(0.001), S(-0.002), S(0)));
+}
+
+template <class S>
+RollingShutter<S> turning_shutter() {
+  Eigen::Matrix<S, 6, 1> motion;
+  motion << S(0.012), S(-0.006), S(0.004), S(0.02), S(0.048), S(-0.015);
+  return RollingShutter<S>(motion, 480);
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("a rolling shutter's camera sees a point where it is when its row is read, and back", S,
+                   float, double) {
+  using Camera = RollingCamera<PinholeBrownConrady<S>>;
+  static_assert(DifferentiableCamera<Camera> && HasPinhole<Camera>);
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+  const PinholeBrownConrady<S> camera = lens<S>();
+  const RollingShutter<S> shutter = turning_shutter<S>();
+  const Camera rolling(camera, shutter);
+  CHECK(rolling.moves());
+  for (const Vector2& x : {Vector2(S(40), S(30)), Vector2(S(600), S(20)), Vector2(S(330), S(250)),
+                           Vector2(S(50), S(460)), Vector2(S(590), S(470))}) {
+    CAPTURE(x.transpose());
+    const S z = S(1.7);
+    const auto p = rolling.unproject(x, z);
+    REQUIRE(p);
+    CHECK((*rolling.project(*p) - x).norm() < S(0.02));
+    CHECK(std::abs(p->z() - rolling.depth_at_middle(x, z)) < S(1e-6));
+    const auto ideal = rolling.undistort_pixel(x, z);
+    REQUIRE(ideal);
+    CHECK((*ideal - *camera.pinhole().project(*p)).norm() < S(1e-3));
+
+    // What it says of its derivative is its row's: off by what the row changes with the point.
+    Eigen::Matrix<S, 2, 3> J = Eigen::Matrix<S, 2, 3>::Zero();
+    REQUIRE(rolling.project(*p, &J));
+    for (int i = 0; i < 3; ++i) {
+      const Vector3 step = S(0.01) * Vector3::Unit(i);
+      const Vector2 slope = (*rolling.project(*p + step) - *rolling.project(*p - step)) / S(0.02);
+      CHECK((J.col(i) - slope).norm() < S(0.08) * J.norm());
+    }
+  }
+}
+
+TEST_CASE_TEMPLATE("without motion it is the camera itself, to the bit", S, float, double) {
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+  const PinholeBrownConrady<S> camera = lens<S>();
+  const RollingCamera<PinholeBrownConrady<S>> global(camera, RollingShutter<S>());
+  CHECK_FALSE(global.moves());
+  const Vector3 p(S(0.3), S(-0.4), S(1.7));
+  Eigen::Matrix<S, 2, 3> J = Eigen::Matrix<S, 2, 3>::Zero(), own = J;
+  CHECK(*global.project(p, &J) == *camera.project(p, &own));
+  CHECK(J == own);
+  CHECK(*global.project(p) == *camera.project(p));
+  const Vector2 x(S(100.5), S(80.25));
+  CHECK(*global.unproject(x, S(2)) == *camera.unproject(x, S(2)));
+  CHECK(*global.undistort_pixel(x, S(2)) == *camera.undistort_pixel(x));
+  CHECK(global.pinhole() == camera.pinhole());
+}

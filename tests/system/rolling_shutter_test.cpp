@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A camera that reads its rows one after the other while it turns, against the synthetic office's truth.
+#include <doctest/doctest.h>
+
+#include <fstream>
+#include <string>
+
+#include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/io/camera.hpp"
+#include "run_fixture.hpp"
+
+using namespace dynslam;
+using namespace dynslam::runtime;
+
+namespace {
+
+/// ATE of a run with the camera of `file` [m].
+double error_with(const std::filesystem::path& sequence, const std::filesystem::path& file,
+                  const std::filesystem::path& out) {
+  RunOptions options;
+  options.sequence = sequence;
+  options.out = out;
+  options.camera = file.string();
+  options.dynamics = DynamicsMode::geometric;
+  options.map = false;
+  CHECK(run_sequence(options, test::kNeverStop).tracked == 40);
+  return evaluate_trajectory(out / "trajectory.txt", sequence / "groundtruth.txt").ate.translation.rmse;
+}
+
+}  // namespace
+
+TEST_CASE("rows that are read one after the other are brought to one time: the error is a fraction") {
+  const test::TemporaryFolder folder;
+  SynthOptions synth;
+  synth.frames = 40;
+  synth.scenario = "empty";
+  synth.path = "rpy";
+  synth.readout_time = 0.024;
+  synth.width = 320;
+  synth.height = 240;
+  const auto rolling = folder.path / "rolling", camera = rolling / "camera.txt";
+  synthesize(synth, rolling);
+  CHECK(load_camera(camera.string()).readout_time == 0.024);
+
+  std::ifstream in(camera);
+  std::ofstream global(folder.path / "global.txt");
+  for (std::string line; std::getline(in, line);) {
+    if (!line.starts_with("readout_time")) global << line << "\n";
+  }
+  global.close();
+  const double with = error_with(rolling, camera, folder.path / "with");
+  const double without = error_with(rolling, folder.path / "global.txt", folder.path / "without");
+  CAPTURE(with);
+  CAPTURE(without);
+  CHECK(with < without / 2);
+  CHECK(without > 0.004);
+}
