@@ -375,7 +375,7 @@ class MotionSegmenter {
   std::optional<SE3<S>> T_depth_c_;       // and where its depth image was taken
   RollingShutter<S> shutter_;             // and how the camera moved meanwhile
   ReferenceKeyframe<S> reference_;
-  int reference_age_ = 0;  // frames
+  int reference_age_ = 0, bodies_ = 0;  // frames; parts that move as one
   std::vector<KeypointMatch<S>> matches_, body_;
   LocateWorkspace<S> locating_;
   StaticWeightsWorkspace<S> weights_;
@@ -391,7 +391,6 @@ class MotionSegmenter {
   TerritoryWorkspace territories_;
   enum Vote : std::uint8_t { kForBody = 1, kForRest = 2 };
   Image<std::uint8_t> votes_;  // of keypoints, by cell
-  int bodies_ = 0;
   CornerWorkspace corner_workspace_;
   std::vector<Eigen::Vector2i> corners_;
   std::vector<ReferenceKeypoint<S>> keypoints_;
