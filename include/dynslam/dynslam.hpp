@@ -87,6 +87,7 @@
 #include "dynslam/optim/pose_equations.hpp"
 #include "dynslam/optim/pose_graph.hpp"
 #include "dynslam/optim/pose_residual.hpp"
+#include "dynslam/optim/readout_measurement.hpp"
 #include "dynslam/optim/small_cholesky.hpp"
 #include "dynslam/optim/surface_weights.hpp"
 #include "dynslam/optim/truncated_cost.hpp"

@@ -19,6 +19,7 @@
 #include "help_commands.hpp"
 #include "info_command.hpp"
 #include "map_command.hpp"
+#include "readout_command.hpp"
 #include "report_command.hpp"
 #include "run_command.hpp"
 #include "suggestion.hpp"
@@ -41,6 +42,7 @@ int run(int argc, char** argv) {
   const AblateCommand ablate(app);
   const EvaluateCommand evaluate(app);
   const InfoCommand info(app);
+  const ReadoutCommand readout(app);
   const ConvertCommand convert(app);
   const SynthCommand synth(app);
   const MapCommand map(app);
@@ -57,6 +59,7 @@ int run(int argc, char** argv) {
     if (ablate.chosen()) return ablate.run();
     if (evaluate.chosen()) return evaluate.run();
     if (info.chosen()) return info.run();
+    if (readout.chosen()) return readout.run();
     if (convert.chosen()) return convert.run();
     if (synth.chosen()) return synth.run();
     if (sweep.chosen()) return sweep.run();

@@ -62,8 +62,9 @@ void append_options(std::string& page, const CLI::App& command) {
     if (const std::string text = option->get_default_str(); !text.empty())
       about += roff(fmt::format(" [{}]", text));
     if (option->nonpositional()) {
-      options += fmt::format(".TP\n\\fB{}\\fR{}\n{}\n", roff(fmt::format("{}", fmt::join(flags(*option), ", "))),
-                             value.empty() ? "" : fmt::format(" \\fI{}\\fR", roff(value)), about);
+      options +=
+          fmt::format(".TP\n\\fB{}\\fR{}\n{}\n", roff(fmt::format("{}", fmt::join(flags(*option), ", "))),
+                      value.empty() ? "" : fmt::format(" \\fI{}\\fR", roff(value)), about);
     } else {
       positional += fmt::format(".TP\n\\fI{}\\fR\n{}\n", roff(option->get_name(true)), about);
     }
@@ -97,8 +98,8 @@ std::string bash(const CLI::App& app) {
       "  local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}\n"
       "  COMPREPLY=()\n"
       "  if [ \"$COMP_CWORD\" = 1 ]; then\n";
-  out += fmt::format("    COMPREPLY=($(compgen -W '{} {}' -- \"$word\"))\n    return\n  fi\n", words(names(app)),
-                     words(all_flags(app)));
+  out += fmt::format("    COMPREPLY=($(compgen -W '{} {}' -- \"$word\"))\n    return\n  fi\n",
+                     words(names(app)), words(all_flags(app)));
   out += "  case ${COMP_WORDS[1]}:$before in\n";
   for (const CLI::App* command : commands(app)) {
     for (const CLI::Option* option : command->get_options()) {
@@ -149,7 +150,8 @@ std::string fish(const CLI::App& app) {
 std::string manual_page(const CLI::App& app, const CLI::App* command) {
   const std::string name = command == nullptr ? app.get_name() : app.get_name() + "-" + command->get_name();
   const CLI::App& shown = command == nullptr ? app : *command;
-  std::string page = fmt::format(".TH {} 1 \"\" \"dynslam " DYNSLAM_VERSION "\" \"User Commands\"\n", roff(name));
+  std::string page =
+      fmt::format(".TH {} 1 \"\" \"dynslam " DYNSLAM_VERSION "\" \"User Commands\"\n", roff(name));
   page += fmt::format(".SH NAME\n{} \\- {}\n.SH SYNOPSIS\n", roff(name), roff(shown.get_description()));
   if (command == nullptr) {
     page += ".B dynslam\n.I COMMAND\n[\\fIOPTIONS\\fR]\n";
@@ -162,10 +164,13 @@ std::string manual_page(const CLI::App& app, const CLI::App* command) {
   if (command == nullptr) {
     page += ".SH COMMANDS\n";
     for (const CLI::App* c : commands(app))
-      page += fmt::format(".TP\n\\fBdynslam\\-{}\\fR(1)\n{}\n", roff(c->get_name()), roff(c->get_description()));
+      page +=
+          fmt::format(".TP\n\\fBdynslam\\-{}\\fR(1)\n{}\n", roff(c->get_name()), roff(c->get_description()));
   }
   append_options(page, shown);
-  page += ".SH EXIT STATUS\n0 on success, 1 for input that cannot be used, 2 for wrong options, 130 when interrupted.\n";
+  page +=
+      ".SH EXIT STATUS\n0 on success, 1 for input that cannot be used, 2 for wrong options, 130 when "
+      "interrupted.\n";
   return page;
 }
 

@@ -255,7 +255,8 @@ int run_sequence(const rt::RunOptions& options, bool with_view) {
   const rt::RunSummary summary = [&] {
     ProgressLine line;
     const auto show = [&](const rt::Progress& p) { line.show(describe(p)); };
-    return rt::run_sequence(options, stop_requested, show, opened, view ? view->live.watch() : rt::RunWatch());
+    return rt::run_sequence(options, stop_requested, show, opened,
+                            view ? view->live.watch() : rt::RunWatch());
   }();
   if (view) end(*view);
   view.reset();

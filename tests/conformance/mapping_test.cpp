@@ -28,6 +28,7 @@
 #include "dynslam/map/matched_pose.hpp"
 #include "dynslam/map/point_maker.hpp"
 #include "dynslam/optim/image_alignment.hpp"
+#include "dynslam/optim/readout_measurement.hpp"
 #include "moving_scene.hpp"
 #include "random.hpp"
 #include "record.hpp"
@@ -108,6 +109,11 @@ TEST_CASE_TEMPLATE("points of one view are found in the next, with its pose, beh
   wall.matcher.refine(wall.map, wall.T_c1_w, wall.pyramids[1], wall.depth[1], now);
   const auto result = wall.pose.optimize(wall.map, SE3<S>(), now);
   REQUIRE(result.ok());
+  ReadoutMeasurement<S> readout;  // of a camera that moves and has a global shutter
+  wall.pose.measure_readout(now, result.T_c_w, Eigen::Matrix<S, 6, 1>::Constant(S(0.5)), test::kHeight,
+                            readout);
+  CHECK(std::abs(readout.correction()) < S(0.02));
+  CHECK(readout.sigma() < S(0.02));
   CHECK((result.T_c_w * wall.T_c1_w.inverse()).log().norm() < S(0.01));
   wall.matcher.drop_unmatched(now);
   // By descriptor, from a frame that is the first one again.

@@ -2,10 +2,12 @@
 // A camera that reads its rows one after the other while it turns, against the synthetic office's truth.
 #include <doctest/doctest.h>
 
+#include <cmath>
 #include <fstream>
 #include <string>
 
 #include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/inspect/readout.hpp"
 #include "dynslam/runtime/io/camera.hpp"
 #include "run_fixture.hpp"
 
@@ -54,4 +56,28 @@ TEST_CASE("rows that are read one after the other are brought to one time: the e
   CAPTURE(without);
   CHECK(with < without / 2);
   CHECK(without > 0.004);
+
+  // What the camera's file does not say, the images do.
+  const ReadoutReport report =
+      measure_readout(load_sequence(rolling), load_camera((folder.path / "global.txt").string()));
+  CAPTURE(report.why_not);
+  REQUIRE(report.readout);
+  CHECK(std::abs(*report.readout - 0.024) < 0.004);
+  CHECK(report.trials.front().assumed == 0);
+  CHECK(report.trials.front().tracked == 40);
+}
+
+TEST_CASE("the readout of a camera that stands still cannot be measured, and that is said") {
+  const test::TemporaryFolder folder;
+  SynthOptions synth;
+  synth.frames = 12;
+  synth.scenario = "empty";
+  synth.path = "static";
+  synth.width = 320;
+  synth.height = 240;
+  synthesize(synth, folder.path / "s");
+  const Sequence sequence = load_sequence(folder.path / "s");
+  const ReadoutReport report = measure_readout(sequence, camera_of(sequence));
+  CHECK_FALSE(report.readout);
+  CHECK(report.why_not == "the camera moves too little");
 }

@@ -14,6 +14,7 @@
 #include "dynslam/map/keyframe_map.hpp"
 #include "dynslam/optim/pose.hpp"
 #include "dynslam/optim/pose_consensus.hpp"
+#include "dynslam/optim/readout_measurement.hpp"
 #include "dynslam/optim/surface_weights.hpp"
 #include "dynslam/robust/t_distribution.hpp"
 
@@ -82,6 +83,22 @@ class MatchedPose {
       if (workspace_.inlier[k] == 0) frame.point[static_cast<std::size_t>(feature_[k])] = -1;
     }
     return result;
+  }
+
+  /// Adds the inliers of the last optimize() to a measurement.
+  /// @param T_c_w   its result
+  /// @param speed   see ReadoutMeasurement::begin_image()
+  /// @param height  of the image [px]
+  void measure_readout(const Frame<S>& frame, const SE3<S>& T_c_w, const Eigen::Matrix<S, 6, 1>& speed,
+                       int height, ReadoutMeasurement<S>& out) const {
+    const S middle = S(height - 1) / S(2);
+    out.begin_image(T_c_w, speed);
+    for (std::size_t k = 0; k < observations_.size(); ++k) {
+      if (workspace_.inlier[k] == 0) continue;
+      const auto v = static_cast<S>(frame.features[static_cast<std::size_t>(feature_[k])].v);
+      out.observe(camera_, observations_[k], workspace_.weight[k], (v - middle) / S(height - 1));
+    }
+    out.end_image();
   }
 
  private:

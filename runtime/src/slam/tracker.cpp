@@ -253,7 +253,12 @@ bool Tracker::prove_on_local_map(Present& now, int wanted) {
   const PoseResult<double> pose = pose_.optimize(map_, now.T_c_w, now.frame);
   now.T_c_w = pose.T_c_w;
   now.result.inliers = pose.inliers;
-  return pose.inliers >= wanted;
+  if (pose.inliers < wanted) return false;
+  if (const auto since_last = interval(now.input); readout_ && since_last) {
+    pose_.measure_readout(now.frame, now.T_c_w, speed(now.T_c_w * last_.T_c_w.inverse(), *since_last),
+                          camera_.height, *readout_);
+  }
+  return true;
 }
 
 bool Tracker::reachable(const SE3<double>& T_c_w, double t) const {

@@ -30,11 +30,15 @@ std::optional<SE3<double>> Tracker::depth_motion(const RgbdFrame& input, const S
 RollingShutter<double> Tracker::shutter(const RgbdFrame& input, const SE3<double>& T_c_last) const {
   const auto since_last = interval(input);
   if (camera_.readout_time == 0 || !since_last) return {};
-  Eigen::Matrix<double, 6, 1> speed = T_c_last.log() / *since_last;
+  return {speed(T_c_last, *since_last) * camera_.readout_time, camera_.height};
+}
+
+SE3<double>::Vector6 Tracker::speed(const SE3<double>& T_c_last, double interval) const {
+  SE3<double>::Vector6 result = T_c_last.log() / interval;
   // That was the speed half an interval ago. Half of what it has gained since is added: all of it would be
   // right on average, but poses have noise, and its share would be larger than the gain.
-  if (velocity_interval_ > 0) speed += 0.25 * (speed - velocity_.log() / velocity_interval_);
-  return {speed * camera_.readout_time, camera_.height};
+  if (velocity_interval_ > 0) result += 0.25 * (result - velocity_.log() / velocity_interval_);
+  return result;
 }
 
 /// Places the features by the motion that was found instead of the one before it.

@@ -51,6 +51,11 @@ class Tracker {
   /// Uses what is still being adjusted. Call it at the end, before poses are read from the map.
   void finish();
 
+  /// Has readout() measured by the frames from now on.
+  void measure_readout() { readout_.emplace(); }
+  /// How much longer the rows take than the camera's readout_time says; empty where it is not measured.
+  [[nodiscard]] const std::optional<ReadoutMeasurement<double>>& readout() const { return readout_; }
+
   [[nodiscard]] const LocalMap& map() const { return map_; }
   /// Bundle adjustments that were used so far.
   [[nodiscard]] std::size_t adjustments() const { return adjustments_; }
@@ -109,6 +114,8 @@ class Tracker {
                                                         const SE3<double>& T_c_last) const;
   /// How it moved while the colour image was read, by the same.
   [[nodiscard]] RollingShutter<double> shutter(const RgbdFrame& input, const SE3<double>& T_c_last) const;
+  /// The camera's speed at a frame [m/s, rad/s]. @param interval  since the last [s]
+  [[nodiscard]] SE3<double>::Vector6 speed(const SE3<double>& T_c_last, double interval) const;
   [[nodiscard]] bool reachable(const SE3<double>& T_c_w, double t) const;
   [[nodiscard]] bool wants_keyframe(const Present& now) const;
   /// Waits for the bundle adjustment, if one runs, and uses it. @return the correction, see follow()
@@ -140,6 +147,7 @@ class Tracker {
   cv::Mat last_moving_;        // what the geometry found in the last frame, CV_8UC1
   std::vector<std::uint8_t> recent_flags_;
   SE3<double> velocity_;          // T_c_last
+  std::optional<ReadoutMeasurement<double>> readout_;
   double velocity_interval_ = 0;  // over which it was measured [s]; 0: it was not
   bool initialised_ = false;
   bool began_at_rest_ = false;  // the last frame began the map, by a camera whose motion nobody knew

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "dynslam/runtime/io/camera.hpp"
+#include "dynslam/runtime/io/sequence.hpp"
+
+namespace dynslam::runtime {
+
+/// A run over a sequence as if its rows took a time to be read.
+struct ReadoutTrial {
+  double assumed = 0;     ///< [s]
+  double correction = 0;  ///< ReadoutMeasurement::correction() [s]
+  double sigma = 0;       ///< its standard deviation by scatter alone [s]
+  std::size_t tracked = 0;
+};
+
+/// What measure_readout() found.
+struct ReadoutReport {
+  std::vector<ReadoutTrial> trials;
+  std::size_t frames = 0;         ///< in each
+  std::optional<double> readout;  ///< CameraConfig::readout_time that needs no correction [s]
+  std::string why_not;            ///< one line where there is none
+};
+
+/// Measures how long a camera takes to read the rows of its colour images, without ground truth: the sequence
+/// is tracked with assumed times until the rows need no correction. The scene should stand still while the
+/// camera turns quickly, up and down as well as to the sides. Good to 3 ms.
+/// @param camera    its readout_time is not used
+/// @param progress  called after each run
+[[nodiscard]] ReadoutReport measure_readout(const Sequence& sequence, const CameraConfig& camera,
+                                            const std::function<void(const ReadoutTrial&)>& progress = {});
+
+}  // namespace dynslam::runtime
