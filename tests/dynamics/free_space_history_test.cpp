@@ -43,7 +43,7 @@ struct Fixture {
       const S angle = turn * (S(v) / S(119) - S(0.5));
       for (int u = 0; u < 160; ++u) {
         const S beside = std::tan(std::atan((S(u) - S(79.5)) / S(200)) - angle);  // in the middle row's frame
-        const bool box = v >= 20 && v < 100 && std::abs(S(200) * beside) < S(20);
+        const bool box = v >= 4 && v < 116 && std::abs(S(200) * beside) < S(20);
         const S along = (box ? S(1.5) : S(3)) * std::sqrt(S(1) + beside * beside);
         image(u, v) = static_cast<float>(along * std::cos(std::atan((S(u) - S(79.5)) / S(200))));
       }
