@@ -104,6 +104,7 @@
 #include "dynslam/segment/keypoint_territories.hpp"
 #include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/mask_completion.hpp"
+#include "dynslam/segment/mask_delay.hpp"
 #include "dynslam/segment/mask_growing.hpp"
 #include "dynslam/segment/mask_upsampling.hpp"
 #include "dynslam/segment/pixel_runs.hpp"

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <random>
 #include <span>
 #include <string>
 #include <vector>
@@ -39,6 +40,7 @@
 #include "dynslam/segment/keypoint_territories.hpp"
 #include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/mask_completion.hpp"
+#include "dynslam/segment/mask_delay.hpp"
 #include "dynslam/segment/mask_growing.hpp"
 #include "dynslam/segment/mask_upsampling.hpp"
 #include "dynslam/segment/pixel_runs.hpp"
@@ -114,6 +116,27 @@ void masks_of(const ImageSet<S>& set, Record<double>& out) {
           connected_components(Kind::in(result), Connectivity::four, Kind::out(labels), counts));
   put_image(out, "labels", Kind::in(labels));
   out.put("same_size", same_size(Kind::in(in), Kind::in(result)));
+}
+
+template <class Kind>
+void delay_of(Record<double>& out) {
+  std::mt19937 random(5);
+  Image<std::uint8_t> texture(kWidth, kHeight), moved(kWidth, kHeight), body(kWidth, kHeight, 0);
+  for (int v = 0; v < kHeight; ++v) {
+    for (int u = 0; u < kWidth; ++u) {
+      texture(u, v) = static_cast<std::uint8_t>(random() % 256);
+      moved(u, v) = texture(u >= 4 ? u - 4 : u, v);
+      body(u, v) = u > 20 && u < 50 && v > 20 && v < 40 ? 255 : 0;
+    }
+  }
+  HalvingPyramid<std::uint8_t> last, present;
+  last.build(texture, 2);
+  present.build(moved, 2);
+  auto mask = Kind::make(body), covering = Kind::make(body);
+  MaskDelayWorkspace workspace;
+  out.put("cover_delay", cover_delay(last, present, Kind::in(mask), Image<std::uint8_t>(), 0.5, {},
+                                     Kind::out(covering), workspace));
+  put_image(out, "cover_delay.covering", Kind::in(covering));
 }
 
 template <class Kind, std::floating_point S>
@@ -259,6 +282,7 @@ template <class Kind, std::floating_point S>
   Record<double> out;
   conformance::masks_of<Kind>(set, out);
   conformance::growing_of<Kind>(set, out);
+  conformance::delay_of<Kind>(out);
   conformance::cells_of<Kind>(set, out);
   conformance::features_of<Kind>(set, out);
   return out;

@@ -56,6 +56,12 @@ struct FreeSpaceVerdicts {
   void resize(int width, int height) {
     for (auto* image : {&seed, &barrier, &verified, &age}) image->resize(width, height);
   }
+  /// Of these size, and nothing said of any cell.
+  void clear(int width, int height) {
+    resize(width, height);
+    for (auto* image : {&seed, &barrier, &verified}) image->fill(0);
+    age.fill(kNever);
+  }
 };
 
 /// What a remembered cell was taken for.
@@ -64,6 +70,26 @@ enum CellState : std::uint8_t {
   kCellMoved = 1,     ///< by motion that was measured
   kCellSuspected = 2  ///< by an a-priori mask alone (a person may sit still)
 };
+
+/// What the cells of a frame are remembered as.
+/// @param mask   what was taken for dynamic in the end, of the grid's image; of another size: nothing
+/// @param moved  cells that were found by motion
+/// @param state  out
+/// @param age    in and out, as in FreeSpaceVerdicts; 0 where nothing is dynamic
+template <LabelImage Mask>
+void state_cells(const DepthGrid& grid, const Mask& mask, const Image<std::uint8_t>& moved,
+                 Image<std::uint8_t>& state, Image<std::uint8_t>& age) {
+  const int w = grid.image_width();
+  const bool usable = mask.width() == w && mask.height() == grid.image_height();
+  state.resize(grid.width(), grid.height());
+  for (std::size_t c = 0; c < grid.cells(); ++c) {
+    const int pixel = usable ? grid.pixel_of(c) : -1;
+    const bool dynamic = pixel >= 0 && mask(pixel % w, pixel / w) != 0;
+    state.data()[c] = !dynamic ? kCellStatic : moved.data()[c] != 0 ? kCellMoved : kCellSuspected;
+    // A mask that the geometry did not find (the semantic one) counts as fresh evidence.
+    if (!dynamic || age.data()[c] == FreeSpaceVerdicts::kNever) age.data()[c] = 0;
+  }
+}
 
 /// Remembers reduced depth images with their poses and tells which surfaces of a new one lie in space that
 /// was seen to be free (they moved there) or were there already (they are at rest): Eq (6) made dense and

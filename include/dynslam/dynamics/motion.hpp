@@ -29,7 +29,8 @@ struct JudgedMatch {
 template <std::floating_point S>
 struct Motion {
   MotionStatus status = MotionStatus::ok;
-  Image<std::uint8_t> mask;             ///< 255 where something moves, at the images' size
+  Image<std::uint8_t> mask;             ///< 255 where something moves in the depth image, at its size
+  Image<std::uint8_t> covering;         ///< 255 there, and where the grey image has it: cover_delay()
   Image<std::uint8_t> verified;         ///< cells whose surface was in the same place long before
   std::vector<JudgedMatch<S>> matches;  ///< mismatches left out; empty where too few were found
   // How it came about.
@@ -45,5 +46,10 @@ struct Motion {
 
 /// Parts of a frame's work, as they are reported to `segment`'s observer.
 enum class MotionStage : std::uint8_t { matching, residuals, free_space, growing };
+
+/// The observer that does not care.
+struct IgnoreStages {
+  void operator()(MotionStage) const {}
+};
 
 }  // namespace dynslam

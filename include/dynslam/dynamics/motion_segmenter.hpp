@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "dynslam/concepts/camera.hpp"
@@ -32,6 +33,7 @@
 #include "dynslam/image/pyramid.hpp"
 #include "dynslam/segment/keypoint_territories.hpp"
 #include "dynslam/segment/mask_completion.hpp"
+#include "dynslam/segment/mask_delay.hpp"
 #include "dynslam/segment/mask_growing.hpp"
 #include "dynslam/segment/mask_upsampling.hpp"
 
@@ -51,6 +53,7 @@ class MotionSegmenter {
  public:
   using Options = MotionSegmenterOptions<S>;
   using Vector2 = Eigen::Matrix<S, 2, 1>;
+  using NoPrior = ImageView<const std::uint8_t>;
 
   explicit MotionSegmenter(const Camera& camera, const Options& options = {})
       : camera_(camera), options_(options), history_(options.free_space) {
@@ -62,7 +65,11 @@ class MotionSegmenter {
 
   /// The camera's motion from the next frame's grey image to its depth image, where they are not taken at
   /// once: in a fast turn, 20 ms make the whole room stand elsewhere. Nullopt: at once, or nobody knows.
-  void set_depth_motion(const std::optional<SE3<S>>& T_depth_c) { T_depth_c_ = T_depth_c; }
+  /// @param delay  how much later, as a share of the time since the last frame: see Motion::covering
+  void set_depth_motion(const std::optional<SE3<S>>& T_depth_c, double delay = 0) {
+    T_depth_c_ = T_depth_c;
+    depth_delay_ = delay;
+  }
 
   /// How the camera moves while the next frame's rows are read, colour and depth; poses are the middle row's.
   void set_rolling_shutter(const RollingShutter<S>& shutter) { shutter_ = shutter; }
@@ -71,18 +78,19 @@ class MotionSegmenter {
   /// @param prior     a-priori mask of what may move, 0 x 0 without one: never enters scales or F
   /// @param on_stage  called with each MotionStage when it is done (to take times)
   /// @return valid until the next call
-  template <ImageLike G, DepthImage D, LabelImage M, class OnStage>
-  const Motion<S>& segment(const G& gray, const D& depth, const SE3<S>& T_c_w, const M& prior,
-                           OnStage&& on_stage) {
+  template <ImageLike G, DepthImage D, LabelImage M = NoPrior, class OnStage = IgnoreStages>
+  const Motion<S>& segment(const G& gray, const D& depth, const SE3<S>& T_c_w, const M& prior = {},
+                           OnStage&& on_stage = {}) {
     motion_.matches.clear();
     judged_.clear();
     if (!accept_size(gray, depth, prior)) {
       motion_.status = MotionStatus::size_mismatch;
       motion_.mask.fill(0);
+      motion_.covering = motion_.mask;
       return motion_;
     }
     motion_.status = MotionStatus::ok;
-    pyramid_.build(gray, options_.reference.levels);
+    look_at(gray);
     reference_.track(rolling(), pyramid_, T_c_w, prior, options_.reference, matches_);
     on_stage(MotionStage::matching);
     judge_matches(depth, T_c_w);
@@ -91,9 +99,7 @@ class MotionSegmenter {
     if (options_.method == Method::full) {
       history_.check(grid_, depth_, smooth_, depth_pose(T_c_w), verdicts_, shutter_);
     } else {
-      verdicts_.resize(grid_.width(), grid_.height());
-      for (auto* image : {&verdicts_.seed, &verdicts_.barrier, &verdicts_.verified}) image->fill(0);
-      verdicts_.age.fill(FreeSpaceVerdicts::kNever);
+      verdicts_.clear(grid_.width(), grid_.height());
     }
     add_keypoint_seeds();
     bodies_ = 0;
@@ -107,18 +113,15 @@ class MotionSegmenter {
     motion_.seeds = grown.seeds;
     motion_.regions_leaked = grown.regions_leaked;
     upsample_mask(cell_mask_.view(), depth_, depth, grid_, motion_.mask.view(), zone_);
-    if (options_.method == Method::full && motion_.seeds > 0)
+    const bool add = options_.method == Method::full && motion_.seeds > 0;
+    if (add)
       complete_unmeasured(pyramid_.image(0), depth, motion_.mask.view(), options_.unmeasured, unmeasured_);
+    motion_.covering = motion_.mask;
+    if (add)
+      cover_delay(last_pyramid_, pyramid_, motion_.mask, prior, depth_delay_, options_.delay,
+                  motion_.covering.view(), delay_);
     on_stage(MotionStage::growing);
     return motion_;
-  }
-  template <ImageLike G, DepthImage D, LabelImage M>
-  const Motion<S>& segment(const G& gray, const D& depth, const SE3<S>& T_c_w, const M& prior) {
-    return segment(gray, depth, T_c_w, prior, [](MotionStage) {});
-  }
-  template <ImageLike G, DepthImage D>
-  const Motion<S>& segment(const G& gray, const D& depth, const SE3<S>& T_c_w) {
-    return segment(gray, depth, T_c_w, ImageView<const std::uint8_t>());
   }
 
   /// The pose of a frame that is to be segmented next, for hosts whose own pose is not yet to be trusted:
@@ -126,16 +129,16 @@ class MotionSegmenter {
   /// see locate_reference(); the first frame is where it is predicted.
   /// @param T_c_w_predicted  by the motion so far, in the world of the poses given to `remember`
   /// @param prior            a-priori mask of what may move: what is on it does not count; 0 x 0 without one
-  template <ImageLike G, DepthImage D, LabelImage M>
+  template <ImageLike G, DepthImage D, LabelImage M = NoPrior>
   PoseConsensusResult<S> locate(const G& gray, const D& depth, const SE3<S>& T_c_w_predicted,
-                                const M& prior) {
+                                const M& prior = {}) {
     PoseConsensusResult<S> located;
     located.T_c_w = T_c_w_predicted;
     if (!accept_size(gray, depth, prior)) {
       located.status = PoseConsensusStatus::bad_input;
       return located;
     }
-    pyramid_.build(gray, options_.reference.levels);
+    look_at(gray);
     for (int round = 0; round < options_.locating.rounds; ++round) {
       reference_.track(rolling(), pyramid_, located.T_c_w, prior, options_.reference, matches_);
       const PoseConsensusResult<S> next =
@@ -146,31 +149,18 @@ class MotionSegmenter {
     }
     return located;
   }
-  template <ImageLike G, DepthImage D>
-  PoseConsensusResult<S> locate(const G& gray, const D& depth, const SE3<S>& T_c_w_predicted) {
-    return locate(gray, depth, T_c_w_predicted, ImageView<const std::uint8_t>());
-  }
 
   /// What the last call of `segment` found.
   [[nodiscard]] const Motion<S>& motion() const { return motion_; }
 
   /// Keeps the frame last segmented, with its final pose and mask, as evidence for later ones. Call it once
   /// per segmented frame.
-  /// @param mask  what was taken for dynamic in the end, of the images' size; 0 x 0: nothing
+  /// @param mask  what was taken for dynamic in the depth image in the end, of its size; 0 x 0: nothing
   template <LabelImage M>
   void remember(const SE3<S>& T_c_w, const M& mask) {
     if (grid_.cells() == 0) return;
-    const bool usable = mask.width() == grid_.image_width() && mask.height() == grid_.image_height();
-    state_.resize(grid_.width(), grid_.height());
-    for (std::size_t c = 0; c < grid_.cells(); ++c) {
-      const int pixel = grid_.pixel_of(c);
-      const bool dynamic =
-          usable && pixel >= 0 && mask(pixel % grid_.image_width(), pixel / grid_.image_width()) != 0;
-      state_.data()[c] = !dynamic ? kCellStatic : cell_mask_.data()[c] != 0 ? kCellMoved : kCellSuspected;
-      // A mask that the geometry did not find (the semantic one) counts as fresh evidence.
-      std::uint8_t& age = verdicts_.age.data()[c];
-      if (!dynamic || age == FreeSpaceVerdicts::kNever) age = 0;
-    }
+    remembered_ = true;
+    state_cells(grid_, mask, cell_mask_, state_, verdicts_.age);
     if (options_.method == Method::full) history_.remember(depth_, depth_pose(T_c_w), state_, verdicts_.age);
     ++reference_age_;
     const double max_age = options_.own_reference.max_age * options_.free_space.frame_rate;  // frames
@@ -211,6 +201,13 @@ class MotionSegmenter {
   }
 
  private:
+  /// A frame that was remembered is the last one from then on.
+  template <class G>
+  void look_at(const G& gray) {
+    if (std::exchange(remembered_, false)) std::swap(last_pyramid_, pyramid_);
+    pyramid_.build(gray, options_.reference.levels);
+  }
+
   template <class G, class D, class M>
   [[nodiscard]] bool accept_size(const G& gray, const D& depth, const M& prior) {
     const int w = gray.width(), h = gray.height();
@@ -371,9 +368,11 @@ class MotionSegmenter {
   Camera camera_;
   Options options_;
   DepthGrid grid_;
-  HalvingPyramid<std::uint8_t> pyramid_;  // of the frame last segmented
-  std::optional<SE3<S>> T_depth_c_;       // and where its depth image was taken
-  RollingShutter<S> shutter_;             // and how the camera moved meanwhile
+  HalvingPyramid<std::uint8_t> pyramid_, last_pyramid_;  // of the frames last segmented and last remembered,
+  bool remembered_ = false;                              // which may be the same
+  std::optional<SE3<S>> T_depth_c_;                      // and where and when its depth image was taken
+  double depth_delay_ = 0;
+  RollingShutter<S> shutter_;  // and how the camera moved meanwhile
   ReferenceKeyframe<S> reference_;
   int reference_age_ = 0, bodies_ = 0;  // frames; parts that move as one
   std::vector<KeypointMatch<S>> matches_, body_;
@@ -385,6 +384,7 @@ class MotionSegmenter {
   Image<std::uint8_t> smooth_, cell_mask_, state_, zone_;  // of the cells
   MaskGrowingWorkspace growing_;
   UnmeasuredWorkspace unmeasured_;
+  MaskDelayWorkspace delay_;
   std::vector<VerdictSite> sites_;
   std::vector<std::size_t> judged_, site_match_;  // in matches_, of motion_.matches and of sites_
   Image<int> parts_;                              // of the cells, by body

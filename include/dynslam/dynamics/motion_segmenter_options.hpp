@@ -11,6 +11,7 @@
 #include "dynslam/dynamics/static_weights.hpp"
 #include "dynslam/features/corners.hpp"
 #include "dynslam/segment/mask_completion.hpp"
+#include "dynslam/segment/mask_delay.hpp"
 #include "dynslam/segment/mask_growing.hpp"
 
 namespace dynslam {
@@ -57,6 +58,7 @@ struct MotionSegmenterOptions {
   FreeSpaceOptions free_space;
   MaskGrowingOptions growing;
   UnmeasuredOptions unmeasured;
+  MaskDelayOptions delay;
 };
 
 }  // namespace dynslam

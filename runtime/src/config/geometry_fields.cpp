@@ -146,6 +146,17 @@ void list(FieldList& f, UnmeasuredOptions& o) {
   f("contrast", o.contrast, "grey levels", "edge that costs as much as the whole reach", kPositive);
 }
 
+void list(FieldList& f, MaskDelayOptions& o) {
+  f("reach", o.reach, "", "greatest motion from frame to frame, as a share of the width; 0: none is sought",
+    kShare);
+  f("least", o.least, "", "width of the smallest square whose motion is sought, as a share of the width",
+    kShare);
+  f("samples", o.samples, "pixels", "of a body that are compared", kCount);
+  f("candidates", o.candidates, "", "places that are looked at closely", kCount);
+  f("distinct", o.distinct, "", "share of the next best place's difference that the best one may have",
+    kShare);
+}
+
 void list(FieldList& f, MotionSegmenterOptions<double>& o) {
   // left out: method: [tracker] method goes for all
   // left out: own_reference: the tracker's keyframes are the references
@@ -157,6 +168,7 @@ void list(FieldList& f, MotionSegmenterOptions<double>& o) {
   f.table("free_space", o.free_space);
   f.table("growing", o.growing);
   f.table("unmeasured", o.unmeasured);
+  f.table("delay", o.delay);
 }
 
 }  // namespace dynslam::runtime::config

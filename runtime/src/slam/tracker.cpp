@@ -108,6 +108,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.result.reference = map_.newest();
   now.result.T_c_reference = now.frame.T_c_w * map_.pose(map_.newest()).inverse();
   remember_last(now);
+  if (!now.covering.empty()) now.result.dynamic_mask |= now.covering;
   now.done(Stage::keyframe);
   return now.finish();
 }
@@ -297,7 +298,9 @@ void Tracker::find_movers(Present& now) {
   TrackResult& result = now.result;
   if (geometry_.has_reference()) geometry_.place_reference(T_reference_keyframe_ * map_.pose(reference_id_));
   const SE3<double> T_c_last = now.T_c_w * last_.T_c_w.inverse();
-  geometry_.set_depth_motion(depth_motion(now.input, T_c_last));
+  const auto motion_to_depth = depth_motion(now.input, T_c_last);
+  const double delay = motion_to_depth ? now.input.depth_delay / *interval(now.input) : 0;
+  geometry_.set_depth_motion(motion_to_depth, delay);
   geometry_.set_rolling_shutter(shutter(now.input, T_c_last));
   constexpr std::array kStages{Stage::lucas_kanade, Stage::residuals, Stage::free_space, Stage::growing};
   Stopwatch watch;
@@ -305,8 +308,11 @@ void Tracker::find_movers(Present& now) {
       interop::view<const std::uint8_t>(now.input.gray), now.depth, now.T_c_w,
       interop::view<const std::uint8_t>(std::as_const(now.semantic)),
       [&](MotionStage s) { result.times[kStages[static_cast<std::size_t>(s)]] = watch.lap_ms(); });
-  now.moving = cv::Mat(now.input.gray.size(), CV_8UC1,
-                       const_cast<std::uint8_t*>(motion.mask.data()));  // OpenCV has no read-only matrices
+  const auto wrapped = [&](const Image<std::uint8_t>& mask) {  // OpenCV has no read-only matrices
+    return cv::Mat(now.input.gray.size(), CV_8UC1, const_cast<std::uint8_t*>(mask.data()));
+  };
+  now.moving = wrapped(motion.mask);
+  now.covering = wrapped(motion.covering);
   if (now.prior != nullptr && options_.method == Method::full) give_back_resting(now);
   now.watch.lap_ms();
 }
@@ -352,6 +358,7 @@ void Tracker::pose_without_movers(Present& now) {
     cv::bitwise_or(now.result.dynamic_mask, now.moving, now.result.dynamic_mask);
     return;
   }
+  now.covering.release();
   for (std::size_t i = 0; i < frame.dynamic.size(); ++i) {  // what nothing speaks for makes no points
     const Feature& f = frame.features[i];
     frame.dynamic[i] = masks[0][i] != 0 && frame.point[i] < 0 && !geometry_.verified_static(f.u, f.v) ? 1 : 0;

@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <span>
+#include <type_traits>
+#include <vector>
+
+#include "dynslam/concepts/image.hpp"
+#include "dynslam/image/pyramid.hpp"
+#include "dynslam/segment/connected_components.hpp"
+#include "dynslam/segment/pixel_runs.hpp"
+
+namespace dynslam {
+
+/// Options of image_motion() and cover_delay().
+struct MaskDelayOptions {
+  double reach = 0.1;  ///< greatest motion from frame to frame, as a share of the image's width; 0: none
+  double least =
+      1 / 40.0;        ///< width of the smallest square, as a share of the image's, whose motion is sought
+  int samples = 400;   ///< pixels of a body that are compared
+  int candidates = 6;  ///< places that are looked at closely
+  /// Share of what the compared pixels differ by at the next best place that they differ by at most where
+  /// they have gone: what has no texture, or the same one again and again, tells nothing.
+  double distinct = 0.85;
+};
+
+/// A place where a body may have come from, and by how much it differs there.
+struct BodyPlace {
+  Eigen::Vector2i shift;  ///< from the present to the last image [px of the level]
+  double difference;      ///< standard deviation [grey levels]
+};
+
+/// Memory of cover_delay(); keep it between calls to avoid allocation.
+struct MaskDelayWorkspace {
+  ComponentsWorkspace components;
+  std::vector<int> counts;
+  std::vector<PixelRun> runs;  ///< of one component
+  std::vector<Eigen::Vector2i> samples, placed;
+  std::vector<BodyPlace> places;
+};
+
+namespace detail {
+/// Standard deviation of the difference of grey values at `at` and, moved by d, in the last image: what light
+/// and exposure add to all of them does not count. Infinity where too few are in the image.
+template <class I>
+[[nodiscard]] double moved_difference(const I& last, const I& present, std::span<const Eigen::Vector2i> at,
+                                      const Eigen::Vector2i& d) {
+  // Exact for whole grey levels, so that the order does not matter.
+  using Sum =
+      std::conditional_t<std::is_integral_v<std::remove_cvref_t<decltype(last(0, 0))>>, std::int64_t, double>;
+  int n = 0;
+  Sum sum = 0, squares = 0;
+  for (const Eigen::Vector2i& p : at) {
+    const int u = p.x() + d.x(), v = p.y() + d.y();
+    if (u < 0 || v < 0 || u >= last.width() || v >= last.height()) continue;
+    const Sum e = static_cast<Sum>(present(p.x(), p.y())) - static_cast<Sum>(last(u, v));
+    sum += e;
+    squares += e * e;
+    ++n;
+  }
+  if (2 * static_cast<std::size_t>(n) < at.size() || n == 0) return std::numeric_limits<double>::infinity();
+  const double mean = static_cast<double>(sum) / n;
+  return std::sqrt(std::max(0.0, static_cast<double>(squares) / n - mean * mean));
+}
+
+/// The pixels of a level that show the samples, each once in a row.
+template <class P>
+void place_samples(const P& pyramid, int level, MaskDelayWorkspace& ws) {
+  ws.placed.clear();
+  const auto image = pyramid.image(level);
+  for (const Eigen::Vector2i& s : ws.samples) {
+    const Eigen::Vector2d x = to_level<double>(pyramid, s.cast<double>(), level);
+    const Eigen::Vector2i p(std::clamp(static_cast<int>(std::lround(x.x())), 0, image.width() - 1),
+                            std::clamp(static_cast<int>(std::lround(x.y())), 0, image.height() - 1));
+    if (ws.placed.empty() || p != ws.placed.back()) ws.placed.push_back(p);
+  }
+}
+/// Keeps the n places of least difference that are more than `apart` from each other, the best one first.
+inline void keep_best(std::vector<BodyPlace>& places, int n, int apart) {
+  std::size_t kept = 0;
+  while (kept < places.size() && kept < static_cast<std::size_t>(n)) {
+    const auto first = places.begin() + static_cast<std::ptrdiff_t>(kept);
+    const auto best = std::min_element(
+        first, places.end(), [](const auto& a, const auto& b) { return a.difference < b.difference; });
+    std::iter_swap(first, best);
+    ++kept;
+    const Eigen::Vector2i at = first->shift;
+    places.erase(std::remove_if(first + 1, places.end(),
+                                [&](const auto& p) { return (p.shift - at).cwiseAbs().maxCoeff() <= apart; }),
+                 places.end());
+  }
+  places.resize(kept, {Eigen::Vector2i::Zero(), 0});
+}
+}  // namespace detail
+
+/// How far what the runs cover has moved in the image since the last frame, as a whole [px of level 0]: all
+/// places within reach are tried on the coarsest level, the best ones are refined down to level 1. Nullopt:
+/// nothing to be seen there, or no place is better than the others.
+/// @param last, present  pyramids of grey images of one size
+template <ImagePyramidLike P>
+[[nodiscard]] std::optional<Eigen::Vector2d> image_motion(const P& last, const P& present,
+                                                          std::span<const PixelRun> runs,
+                                                          const MaskDelayOptions& options,
+                                                          MaskDelayWorkspace& ws) {
+  const auto base = present.image(0);
+  if (!same_size(last.image(0), base)) return std::nullopt;
+  std::size_t pixels = 0;
+  for (const PixelRun& run : runs) pixels += run.size();
+  const std::size_t stride =
+      std::max<std::size_t>(1, pixels / static_cast<std::size_t>(std::max(1, options.samples)));
+  ws.samples.clear();
+  std::size_t next = stride / 2;  // of the pixels in a row
+  for (const PixelRun& run : runs) {
+    for (; next < run.size(); next += stride)
+      ws.samples.emplace_back(run.begin + static_cast<int>(next), run.v);
+    next -= run.size();
+  }
+  int level = std::min(last.size(), present.size()) - 1;
+  detail::place_samples(present, level, ws);
+  const auto difference = [&](const Eigen::Vector2i& d) {
+    return detail::moved_difference(last.image(level), present.image(level), ws.placed, d);
+  };
+  ws.places.clear();
+  const int reach = static_cast<int>(std::ceil(options.reach * present.image(level).width()));
+  for (int y = -reach; y <= reach; ++y) {
+    for (int x = -reach; x <= reach; ++x) ws.places.push_back({{x, y}, difference({x, y})});
+  }
+  detail::keep_best(ws.places, options.candidates, 1);
+  while (level > 1) {
+    --level;
+    detail::place_samples(present, level, ws);
+    for (BodyPlace& place : ws.places) {
+      BodyPlace best{Eigen::Vector2i::Zero(), std::numeric_limits<double>::infinity()};
+      for (int y = -1; y <= 1; ++y) {
+        for (int x = -1; x <= 1; ++x) {
+          const Eigen::Vector2i d = 2 * place.shift + Eigen::Vector2i(x, y);
+          if (const double e = difference(d); e < best.difference) best = {d, e};
+        }
+      }
+      place = best;
+    }
+  }
+  detail::keep_best(ws.places, 2, 3);
+  if (ws.places.empty() || !std::isfinite(ws.places[0].difference)) return std::nullopt;
+  if (ws.places.size() > 1 && !(ws.places[0].difference < options.distinct * ws.places[1].difference))
+    return std::nullopt;
+  const Eigen::Vector2i at = ws.places[0].shift;
+  const Eigen::Vector2d motion = -present.scale(level).cwiseProduct(at.cast<double>());
+  return motion;
+}
+
+/// Where depth and colour are not taken at once, a mask of the depth image shows a mover where it was, or
+/// will be, when the colour image was taken. Adds to each connected part of the mask where the colour image
+/// has it, by its motion since the last frame.
+/// @param last, present  pyramids of grey images of the mask's size, of the frame before and of this one
+/// @param mask      of the depth image: nonzero in the mask
+/// @param prior     mask of the colour image itself: parts that are on it for the most part are covered by
+/// it;
+///                  of another size: none
+/// @param delay     of the depth image after the colour image, as a share of the time since the last frame
+/// @param covering  in and out: a mask, to which 255 is added
+/// @return parts that had moved
+template <ImagePyramidLike P, LabelImage Mask, LabelImage Prior, OutputLabelImage Covering>
+int cover_delay(const P& last, const P& present, const Mask& mask, const Prior& prior, double delay,
+                const MaskDelayOptions& options, Covering&& covering, MaskDelayWorkspace& ws) {
+  using Pixel = typename std::remove_reference_t<Covering>::Pixel;
+  if (!(options.reach > 0) || delay == 0 || last.size() == 0 || !same_size(present.image(0), mask) ||
+      !same_size(mask, covering))
+    return 0;
+  const int w = mask.width(), h = mask.height();
+  const int n = detail::number_runs(mask, false, Connectivity::eight, ws.components);
+  detail::count_pixels(ws.components, n, ws.counts);
+  const double side = options.least * w;
+  int moved = 0;
+  for (int part = 1; part <= n; ++part) {
+    const int pixels = ws.counts[static_cast<std::size_t>(part)];
+    if (pixels < side * side) continue;
+    ws.runs.clear();
+    int known = 0;
+    for (std::size_t i = 0; i < ws.components.runs.size(); ++i) {
+      if (ws.components.number[i] != part) continue;
+      const PixelRun& run = ws.runs.emplace_back(ws.components.runs[i]);
+      if (!same_size(prior, mask)) continue;
+      for (int u = run.begin; u < run.end; ++u) known += prior(u, run.v) != 0 ? 1 : 0;
+    }
+    if (2 * known > pixels) continue;
+    const auto motion = image_motion(last, present, std::span<const PixelRun>(ws.runs), options, ws);
+    if (!motion) continue;
+    const int x = static_cast<int>(std::lround(-delay * motion->x()));
+    const int y = static_cast<int>(std::lround(-delay * motion->y()));
+    if (x == 0 && y == 0) continue;
+    ++moved;
+    for (const PixelRun& run : ws.runs) {
+      const PixelRun to{run.v + y, std::max(0, run.begin + x), std::min(w, run.end + x)};
+      if (to.v >= 0 && to.v < h && to.begin < to.end) detail::fill_run(covering, to, static_cast<Pixel>(255));
+    }
+  }
+  return moved;
+}
+
+}  // namespace dynslam
