@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <random>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "dynslam/image/image.hpp"
@@ -93,15 +94,15 @@ TEST_CASE_TEMPLATE("how far a body has moved in the picture is found to a pixel 
                    std::uint8_t, std::uint16_t, float) {
   MaskDelayWorkspace workspace;
   const Picture<Pixel> last(kBox, Paint::blobs);
-  for (const auto& [x, y] : {std::pair{0, 0}, {12, -6}, {-25, 17}, {7, 30}, {-1, 3}}) {
-    CAPTURE(x);
-    const Box box = moved(kBox, x, y);
+  for (const Eigen::Vector2i& step : {Eigen::Vector2i(0, 0), {12, -6}, {-25, 17}, {7, 30}, {-1, 3}}) {
+    CAPTURE(step.transpose());
+    const Box box = moved(kBox, step.x(), step.y());
     for (const int lighter : {0, 40}) {  // the exposure may change
       const Picture<Pixel> present(box, Paint::blobs, lighter);
       const auto motion = image_motion(last.pyramid, present.pyramid, std::span<const PixelRun>(rows_of(box)),
                                        MaskDelayOptions{}, workspace);
       REQUIRE(motion.has_value());
-      CHECK((*motion - Eigen::Vector2d(x, y)).cwiseAbs().maxCoeff() <= 2);
+      CHECK((*motion - step.cast<double>()).cwiseAbs().maxCoeff() <= 2);
     }
   }
 }
