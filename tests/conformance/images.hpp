@@ -8,7 +8,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <random>
 #include <span>
 #include <string>
 #include <vector>
@@ -120,11 +119,11 @@ void masks_of(const ImageSet<S>& set, Record<double>& out) {
 
 template <class Kind>
 void delay_of(Record<double>& out) {
-  std::mt19937 random(5);
+  Rng random("cover_delay");
   Image<std::uint8_t> texture(kWidth, kHeight), moved(kWidth, kHeight), body(kWidth, kHeight, 0);
   for (int v = 0; v < kHeight; ++v) {
     for (int u = 0; u < kWidth; ++u) {
-      texture(u, v) = static_cast<std::uint8_t>(random() % 256);
+      texture(u, v) = static_cast<std::uint8_t>(random.integer(0, 255));
       moved(u, v) = texture(u >= 4 ? u - 4 : u, v);
       body(u, v) = u > 20 && u < 50 && v > 20 && v < 40 ? 255 : 0;
     }

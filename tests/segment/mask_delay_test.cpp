@@ -4,15 +4,14 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
-#include <random>
 #include <span>
 #include <utility>
 #include <vector>
 
 #include "dynslam/image/image.hpp"
+#include "moving_scene.hpp"
 
 using namespace dynslam;
 
@@ -24,26 +23,13 @@ const Mask kNoPrior;
 
 enum class Paint { blobs, plain, stripes };
 
-/// What a body or the wall behind it is painted with, at a place of its own.
-class Painter {
- public:
-  Painter(Paint paint, unsigned seed) : paint_(paint) {
-    std::mt19937 random(seed);
-    std::uniform_real_distribution<double> phase(0, 6.28), wave(-0.25, 0.25);
-    for (Eigen::Vector3d& w : waves_) w = Eigen::Vector3d(wave(random), wave(random), phase(random));
-  }
-  [[nodiscard]] double operator()(int x, int y) const {
-    if (paint_ == Paint::plain) return 120;
-    if (paint_ == Paint::stripes) return x / 8 % 2 == 0 ? 60 : 180;
-    double grey = 100;
-    for (const Eigen::Vector3d& w : waves_) grey += 12 * std::sin(w.dot(Eigen::Vector3d(x, y, 1)));
-    return grey;
-  }
-
- private:
-  Paint paint_;
-  std::array<Eigen::Vector3d, 8> waves_;
-};
+/// Grey value of a body or of the wall behind it, at a place of its own.
+double painted(Paint paint, int x, int y, std::uint64_t seed) {
+  if (paint == Paint::plain) return 120;
+  if (paint == Paint::stripes) return x / 8 % 2 == 0 ? 60 : 180;
+  const auto at = [&](double pixels) { return 90 * test::surface_texture(x / pixels, y / pixels, seed); };
+  return 10 + at(250) + at(125);  // blobs of 30, 15 and 7 pixels
+}
 
 struct Box {
   int u, v, width, height;
@@ -57,11 +43,11 @@ struct Picture {
   HalvingPyramid<Pixel> pyramid;
   Mask mask{kDelayWidth, kDelayHeight, 0};
   Picture(const Box& box, Paint paint, int lighter = 0) {
-    const Painter body(paint, 1), wall(Paint::blobs, 2);
     for (int v = 0; v < kDelayHeight; ++v) {
       for (int u = 0; u < kDelayWidth; ++u) {
         const bool on = box.has(u, v);
-        gray(u, v) = static_cast<Pixel>((on ? body(u - box.u, v - box.v) : wall(u, v)) + lighter);
+        gray(u, v) = static_cast<Pixel>(
+            (on ? painted(paint, u - box.u, v - box.v, 1) : painted(Paint::blobs, u, v, 2)) + lighter);
         mask(u, v) = on ? 255 : 0;
       }
     }
@@ -192,11 +178,11 @@ TEST_CASE("each part of a mask goes its own way, and what leaves the image is cu
   MaskDelayWorkspace workspace;
   constexpr Box kLeft{2, 20, 60, 60}, kRight{200, 120, 60, 60};
   Picture<std::uint8_t> last(kLeft, Paint::blobs), present(moved(kLeft, -20, 0), Paint::blobs);
-  const Painter right(Paint::blobs, 7);
   for (int v = 0; v < 60; ++v) {
     for (int u = 0; u < 60; ++u) {
-      last.gray(kRight.u + u, kRight.v + v) = static_cast<std::uint8_t>(right(u, v));
-      present.gray(kRight.u + u, kRight.v + v + 20) = static_cast<std::uint8_t>(right(u, v));
+      const auto grey = static_cast<std::uint8_t>(painted(Paint::blobs, u, v, 7));
+      last.gray(kRight.u + u, kRight.v + v) = grey;
+      present.gray(kRight.u + u, kRight.v + v + 20) = grey;
       present.mask(kRight.u + u, kRight.v + v + 20) = 255;
     }
   }

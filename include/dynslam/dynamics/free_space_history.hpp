@@ -56,7 +56,7 @@ struct FreeSpaceVerdicts {
   void resize(int width, int height) {
     for (auto* image : {&seed, &barrier, &verified, &age}) image->resize(width, height);
   }
-  /// Of these size, and nothing said of any cell.
+  /// Of this size, and nothing said of any cell.
   void clear(int width, int height) {
     resize(width, height);
     for (auto* image : {&seed, &barrier, &verified}) image->fill(0);

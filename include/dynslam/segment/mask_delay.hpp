@@ -82,6 +82,7 @@ void place_samples(const P& pyramid, int level, MaskDelayWorkspace& ws) {
     if (ws.placed.empty() || p != ws.placed.back()) ws.placed.push_back(p);
   }
 }
+
 /// Keeps the n places of least difference that are more than `apart` from each other, the best one first.
 inline void keep_best(std::vector<BodyPlace>& places, int n, int apart) {
   std::size_t kept = 0;
@@ -96,7 +97,7 @@ inline void keep_best(std::vector<BodyPlace>& places, int n, int apart) {
                                 [&](const auto& p) { return (p.shift - at).cwiseAbs().maxCoeff() <= apart; }),
                  places.end());
   }
-  places.resize(kept, {Eigen::Vector2i::Zero(), 0});
+  places.erase(places.begin() + static_cast<std::ptrdiff_t>(kept), places.end());
 }
 }  // namespace detail
 
@@ -161,9 +162,8 @@ template <ImagePyramidLike P>
 /// has it, by its motion since the last frame.
 /// @param last, present  pyramids of grey images of the mask's size, of the frame before and of this one
 /// @param mask      of the depth image: nonzero in the mask
-/// @param prior     mask of the colour image itself: parts that are on it for the most part are covered by
-/// it;
-///                  of another size: none
+/// @param prior     of the colour image itself: parts of the mask that are mostly on it need no more; of
+///                  another size: none
 /// @param delay     of the depth image after the colour image, as a share of the time since the last frame
 /// @param covering  in and out: a mask, to which 255 is added
 /// @return parts that had moved
@@ -178,6 +178,7 @@ int cover_delay(const P& last, const P& present, const Mask& mask, const Prior& 
   const int n = detail::number_runs(mask, false, Connectivity::eight, ws.components);
   detail::count_pixels(ws.components, n, ws.counts);
   const double side = options.least * w;
+  const bool has_prior = same_size(prior, mask);
   int moved = 0;
   for (int part = 1; part <= n; ++part) {
     const int pixels = ws.counts[static_cast<std::size_t>(part)];
@@ -187,8 +188,7 @@ int cover_delay(const P& last, const P& present, const Mask& mask, const Prior& 
     for (std::size_t i = 0; i < ws.components.runs.size(); ++i) {
       if (ws.components.number[i] != part) continue;
       const PixelRun& run = ws.runs.emplace_back(ws.components.runs[i]);
-      if (!same_size(prior, mask)) continue;
-      for (int u = run.begin; u < run.end; ++u) known += prior(u, run.v) != 0 ? 1 : 0;
+      for (int u = run.begin; has_prior && u < run.end; ++u) known += prior(u, run.v) != 0 ? 1 : 0;
     }
     if (2 * known > pixels) continue;
     const auto motion = image_motion(last, present, std::span<const PixelRun>(ws.runs), options, ws);

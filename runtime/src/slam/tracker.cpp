@@ -108,6 +108,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.result.reference = map_.newest();
   now.result.T_c_reference = now.frame.T_c_w * map_.pose(map_.newest()).inverse();
   remember_last(now);
+  // At last: what is remembered is the depth image's.
   if (!now.covering.empty()) now.result.dynamic_mask |= now.covering;
   now.done(Stage::keyframe);
   return now.finish();
@@ -298,9 +299,7 @@ void Tracker::find_movers(Present& now) {
   TrackResult& result = now.result;
   if (geometry_.has_reference()) geometry_.place_reference(T_reference_keyframe_ * map_.pose(reference_id_));
   const SE3<double> T_c_last = now.T_c_w * last_.T_c_w.inverse();
-  const auto motion_to_depth = depth_motion(now.input, T_c_last);
-  const double delay = motion_to_depth ? now.input.depth_delay / *interval(now.input) : 0;
-  geometry_.set_depth_motion(motion_to_depth, delay);
+  geometry_.set_depth_motion(depth_motion(now.input, T_c_last), depth_delay(now.input));
   geometry_.set_rolling_shutter(shutter(now.input, T_c_last));
   constexpr std::array kStages{Stage::lucas_kanade, Stage::residuals, Stage::free_space, Stage::growing};
   Stopwatch watch;

@@ -20,11 +20,16 @@ std::optional<double> Tracker::interval(const RgbdFrame& input) const {
   return interval;
 }
 
-std::optional<SE3<double>> Tracker::depth_motion(const RgbdFrame& input, const SE3<double>& T_c_last) const {
+double Tracker::depth_delay(const RgbdFrame& input) const {
   const auto since_last = interval(input);
-  if (!since_last || input.depth_delay == 0 || std::abs(input.depth_delay) >= options_.search.longest_delay)
-    return std::nullopt;
-  return SE3<double>::exp(T_c_last.log() * (input.depth_delay / *since_last));
+  if (!since_last || std::abs(input.depth_delay) >= options_.search.longest_delay) return 0;
+  return input.depth_delay / *since_last;
+}
+
+std::optional<SE3<double>> Tracker::depth_motion(const RgbdFrame& input, const SE3<double>& T_c_last) const {
+  const double delay = depth_delay(input);
+  if (delay == 0) return std::nullopt;
+  return SE3<double>::exp(T_c_last.log() * delay);
 }
 
 RollingShutter<double> Tracker::shutter(const RgbdFrame& input, const SE3<double>& T_c_last) const {
