@@ -65,6 +65,7 @@ class FeaturePlacer {
   /// How the camera moves while the colour image's rows are read. Depth is read alike, row by row, the motion
   /// of set_depth_motion() earlier or later.
   void set_rolling_shutter(const RollingShutter<S>& shutter) { shutter_ = shutter; }
+  [[nodiscard]] const RollingShutter<S>& rolling_shutter() const { return shutter_; }
 
   /// The recorded pixel of a point in the camera's frame [m], the middle row's: the inverse of place().
   [[nodiscard]] std::optional<Vector2> project(const Vector3& p_c) const {

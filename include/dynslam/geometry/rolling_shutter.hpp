@@ -42,13 +42,22 @@ class RollingShutter {
   [[nodiscard]] const Vector3& upsilon() const { return upsilon_; }
   [[nodiscard]] const Vector3& omega() const { return omega_; }
 
+  /// The same camera, turned by so much more from the first row to the last [rad].
+  [[nodiscard]] RollingShutter turned(const Vector3& turn) const {
+    RollingShutter result = *this;
+    result.omega_ += turn;
+    return result;
+  }
+  /// Row `v`, counted from the middle one, as a share of all: -0.5 to 0.5; 0 where all are read at once.
+  [[nodiscard]] S share(const S& v) const { return (v - middle_) * per_row_; }
+
   /// A point in the camera's frame when it read row `v`, in its frame when it read the middle row.
   [[nodiscard]] Vector3 to_middle(const Vector3& p_row, const S& v) const {
     return moves_ ? moved(p_row, (middle_ - v) * per_row_) : p_row;
   }
   /// A point in the camera's frame when it read the middle row, in its frame when it read row `v`.
   [[nodiscard]] Vector3 to_row(const Vector3& p_middle, const S& v) const {
-    return moves_ ? moved(p_middle, (v - middle_) * per_row_) : p_middle;
+    return moves_ ? moved(p_middle, share(v)) : p_middle;
   }
 
   /// The pixel that shows a point: the row that reads it is the one in which it is then.

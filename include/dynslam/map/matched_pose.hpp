@@ -4,17 +4,20 @@
 #include <Eigen/Core>
 #include <concepts>
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "dynslam/concepts/camera.hpp"
 #include "dynslam/features/feature.hpp"
 #include "dynslam/geometry/pinhole.hpp"
+#include "dynslam/geometry/rolling_shutter.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/map/keyframe_map.hpp"
 #include "dynslam/optim/pose.hpp"
 #include "dynslam/optim/pose_consensus.hpp"
 #include "dynslam/optim/readout_measurement.hpp"
+#include "dynslam/optim/rolling_pose.hpp"
 #include "dynslam/optim/surface_weights.hpp"
 #include "dynslam/robust/t_distribution.hpp"
 
@@ -70,6 +73,16 @@ class MatchedPose {
     }
   }
 
+  /// Has optimize() estimate how the camera turned while it read its rows, beyond what the features were
+  /// placed for (optimize_rolling_pose()). Not for a camera that reads them all at once.
+  /// @param shutter  that the features were placed for
+  void set_rows(const RollingShutter<S>& shutter, const TurnPrior<S>& prior) {
+    shutter_ = shutter;
+    prior_ = prior;
+  }
+  /// All rows are where the features were placed; the default.
+  void set_rows_known() { shutter_ = {}; }
+
   /// Collects, optimises from `start` (optimize_pose()) and drops the matches that are outliers then.
   template <class Map>
   PoseResult<S> optimize(const Map& map, const SE3<S>& start, Frame<S>& frame) {
@@ -77,8 +90,16 @@ class MatchedPose {
     PoseOptions<S> options;
     options.min_pixel_scale = options_.min_pixel_scale;
     const TDistribution<S> kernel{options_.nu};
-    const PoseResult<S> result = optimize_pose(camera_, std::span<const PoseObservation<S>>(observations_),
-                                               start, options, kernel, workspace_);
+    const std::span<const PoseObservation<S>> observations(observations_);
+    if (shutter_.moves()) {
+      share_.clear();
+      for (const int i : feature_)
+        share_.push_back(shutter_.share(static_cast<S>(frame.features[static_cast<std::size_t>(i)].v)));
+    }
+    const PoseResult<S> result =
+        shutter_.moves() ? optimize_rolling_pose(camera_, observations, std::span<const S>(share_), start,
+                                                 prior_, options, kernel, workspace_)
+                         : optimize_pose(camera_, observations, start, options, kernel, workspace_);
     for (std::size_t k = 0; k < observations_.size(); ++k) {
       if (workspace_.inlier[k] == 0) frame.point[static_cast<std::size_t>(feature_[k])] = -1;
     }
@@ -107,6 +128,9 @@ class MatchedPose {
   std::vector<PoseObservation<S>> observations_;
   std::vector<int> feature_;  // of observations_
   std::vector<S> weights_;    // of observations_ in the consensus
+  std::vector<S> share_;      // of observations_: their rows
+  RollingShutter<S> shutter_;
+  TurnPrior<S> prior_;
   PoseWorkspace<S> workspace_;
   PoseConsensusWorkspace consensus_;
 };

@@ -57,6 +57,9 @@ struct PoseResult {
   PoseStatus status = PoseStatus::too_few_observations;
   int iterations = 0;
   S cost = S(0);  ///< sum of rho over the inliers
+  /// By how much more the camera turned from the first row to the last than the observations were placed
+  /// for [rad]; zero where it was not asked (optimize_rolling_pose())
+  Eigen::Matrix<S, 3, 1> turn = Eigen::Matrix<S, 3, 1>::Zero();
   [[nodiscard]] bool ok() const {
     return status == PoseStatus::converged || status == PoseStatus::max_iterations;
   }
@@ -72,31 +75,61 @@ struct PoseWorkspace {
 
 namespace detail {
 
+/// All rows of an image have one pose, and nothing is unknown beside it.
+template <std::floating_point S>
+struct RowsAtOnce {
+  static constexpr int kParameters = 6;
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+  struct Turn {};
+  using Sums = PoseEquations<S>;
+
+  [[nodiscard]] static Turn start() { return {}; }
+  [[nodiscard]] static Vector3 of(Turn) { return Vector3::Zero(); }
+  [[nodiscard]] static Turn after(Turn, const Eigen::Matrix<S, 6, 1>&) { return {}; }
+  [[nodiscard]] static S prior_cost(Turn) { return S(0); }
+  [[nodiscard]] static const Vector3& in_row(Turn, std::size_t, const Vector3& p) { return p; }
+  template <class Point, class Camera>
+  static void add(const Point& point, const Camera& camera, std::size_t, S pixel_weight, S depth_weight,
+                  Sums& sums) {
+    point.add_to(sums, camera, pixel_weight, depth_weight);
+  }
+  static void store(const Sums& sums, Turn, NormalEquations<S, 6>& system) { sums.store(system); }
+};
+
 /// The pose of a camera as a LeastSquaresProblem, and the choice of its inliers.
-template <std::floating_point S, class Camera, class Kernel>
+/// @tparam Rows  RowsAtOnce, or what else is unknown of how the rows are read
+template <std::floating_point S, class Camera, class Kernel, class Rows = RowsAtOnce<S>>
 class PoseProblem {
  public:
+  static constexpr int kParameters = Rows::kParameters;
+  using System = NormalEquations<S, kParameters>;
+
   PoseProblem(const Camera& camera, std::span<const PoseObservation<S>> observations, const SE3<S>& T_c_w,
-              const PoseOptions<S>& options, const Kernel& kernel, PoseWorkspace<S>& workspace)
+              const PoseOptions<S>& options, const Kernel& kernel, PoseWorkspace<S>& workspace,
+              const Rows& rows = {})
       : camera_(camera),
         observations_(observations),
         options_(options),
         kernel_(kernel),
         ws_(workspace),
-        T_(T_c_w) {}
+        rows_(rows),
+        T_(T_c_w),
+        turn_(rows_.start()),
+        trial_turn_(turn_) {}
 
   [[nodiscard]] const SE3<S>& pose() const { return T_; }
+  [[nodiscard]] Eigen::Matrix<S, 3, 1> turn() const { return rows_.of(turn_); }
 
   /// Linearises at the pose. @return the cost, not finite where there is nothing to minimise
   [[nodiscard]] S start_round() {
     if (options_.min_pixel_scale < S(1)) pixel_information_ = estimate_pixel_information();
-    S cost = linearise_at(T_, system_);
+    S cost = linearise_at(T_, turn_, system_);
     if (!std::isfinite(cost)) {  // inliers that the camera does not see from here cannot be inliers
       Eigen::Matrix<S, 3, 1> r;
       for (std::size_t i = 0; i < observations_.size(); ++i) {
-        if (!pose_residual(camera_, T_, observations_[i], r) || !r.allFinite()) ws_.inlier[i] = 0;
+        if (!residual(i, r) || !r.allFinite()) ws_.inlier[i] = 0;
       }
-      cost = linearise_at(T_, system_);
+      cost = linearise_at(T_, turn_, system_);
     }
     return cost;
   }
@@ -109,7 +142,7 @@ class PoseProblem {
     for (std::size_t i = 0; i < observations_.size(); ++i) {
       const PoseObservation<S>& o = observations_[i];
       const bool depth = has_depth(o);
-      const bool visible = pose_residual(camera_, T_, o, r);
+      const bool visible = residual(i, r);
       const S s = visible ? chi2(o, r, depth, pixel_information_) : std::numeric_limits<S>::infinity();
       ws_.inlier[i] = s < (depth ? options_.inlier_chi2_3d : options_.inlier_chi2_2d) ? 1 : 0;
       ws_.weight[i] = visible ? kernel_.weight(s) : S(0);
@@ -121,17 +154,24 @@ class PoseProblem {
     return inliers;
   }
 
-  [[nodiscard]] bool covariance(Eigen::Matrix<S, 6, 6>& out) const { return system_.covariance(out); }
+  [[nodiscard]] bool covariance(Eigen::Matrix<S, 6, 6>& out) const {
+    typename System::Matrix all;
+    if (!system_.covariance(all)) return false;
+    out = all.template topLeftCorner<6, 6>();
+    return true;
+  }
 
   // LeastSquaresProblem. Nearly every step is accepted, so apply() forms cost and system in one pass.
   void linearise() {}
   [[nodiscard]] bool solve(const S& lambda) { return system_.solve(lambda, step_); }
   [[nodiscard]] S apply() {
-    trial_ = SE3<S>::exp(step_) * T_;
-    return linearise_at(trial_, trial_system_);
+    trial_ = SE3<S>::exp(step_.template head<6>()) * T_;
+    trial_turn_ = rows_.after(turn_, step_);
+    return linearise_at(trial_, trial_turn_, trial_system_);
   }
   S accept(const S& trial_cost) {
     T_ = trial_;
+    turn_ = trial_turn_;
     std::swap(system_, trial_system_);
     return trial_cost;
   }
@@ -148,26 +188,32 @@ class PoseProblem {
     return depth ? pixel + o.inv_sigma_z2 * r.z() * r.z() : pixel;
   }
 
+  [[nodiscard]] bool residual(std::size_t i, Eigen::Matrix<S, 3, 1>& r) const {
+    const PoseObservation<S>& o = observations_[i];
+    return point_residual(camera_, rows_.in_row(turn_, i, T_ * o.p_w), o, r);
+  }
+
   /// Cost over the inliers and its linearisation. A point that the camera does not see makes the cost
   /// infinite, so that such a step is refused.
-  [[nodiscard]] S linearise_at(const SE3<S>& T, NormalEquations<S, 6>& system) const {
+  [[nodiscard]] S linearise_at(const SE3<S>& T, const typename Rows::Turn& turn, System& system) const {
     const auto motion = T.isometry();
     const S pixel_information = pixel_information_;
-    PoseEquations<S> sums;
+    typename Rows::Sums sums;
     PointLinearisation<Camera> point;
-    S cost = S(0);
+    S cost = rows_.prior_cost(turn);
     for (std::size_t i = 0; i < observations_.size(); ++i) {
       if (ws_.inlier[i] == 0) continue;
       const PoseObservation<S>& o = observations_[i];
-      if (!point.at(camera_, motion * o.p_w, o)) return std::numeric_limits<S>::infinity();
+      if (!point.at(camera_, rows_.in_row(turn, i, motion * o.p_w), o))
+        return std::numeric_limits<S>::infinity();
       const bool depth = has_depth(o);
       const S s = chi2(o, point.r, depth, pixel_information);
       cost += kernel_.rho(s);
       const S weight = kernel_.weight(s);
-      point.add_to(sums, camera_, weight * pixel_information * o.inv_sigma_px2,
-                   depth ? weight * o.inv_sigma_z2 : S(0));
+      rows_.add(point, camera_, i, weight * pixel_information * o.inv_sigma_px2,
+                depth ? weight * o.inv_sigma_z2 : S(0), sums);
     }
-    sums.store(system);
+    rows_.store(sums, turn, system);
     return cost;
   }
 
@@ -177,7 +223,7 @@ class PoseProblem {
     Eigen::Matrix<S, 3, 1> r;
     for (std::size_t i = 0; i < observations_.size(); ++i) {
       const PoseObservation<S>& o = observations_[i];
-      if (ws_.inlier[i] == 0 || !pose_residual(camera_, T_, o, r)) continue;
+      if (ws_.inlier[i] == 0 || !residual(i, r)) continue;
       ws_.scratch.push_back(o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y()));
     }
     if (ws_.scratch.empty()) return S(1);
@@ -192,11 +238,56 @@ class PoseProblem {
   const PoseOptions<S>& options_;
   const Kernel& kernel_;
   PoseWorkspace<S>& ws_;
+  Rows rows_;
   SE3<S> T_, trial_;
-  NormalEquations<S, 6> system_, trial_system_;
-  Eigen::Matrix<S, 6, 1> step_ = Eigen::Matrix<S, 6, 1>::Zero();
+  typename Rows::Turn turn_, trial_turn_;
+  System system_, trial_system_;
+  typename System::Vector step_ = System::Vector::Zero();
   S pixel_information_ = S(1);
 };
+
+/// optimize_pose() and what else there is of its kind.
+template <std::floating_point S, class Camera, class Kernel, class Rows>
+PoseResult<S> optimize_pose(const Camera& camera, std::span<const PoseObservation<S>> observations,
+                            const SE3<S>& T_c_w_initial, const PoseOptions<S>& options, const Kernel& kernel,
+                            PoseWorkspace<S>& workspace, const Rows& rows) {
+  PoseResult<S> result;
+  result.T_c_w = T_c_w_initial;
+  workspace.inlier.assign(observations.size(), 1);
+  workspace.weight.assign(observations.size(), S(0));
+  const auto fail = [&](PoseStatus status) {
+    std::fill(workspace.inlier.begin(), workspace.inlier.end(), std::uint8_t{0});
+    std::fill(workspace.weight.begin(), workspace.weight.end(), S(0));
+    result.status = status;
+    result.inliers = 0;
+    result.cost = S(0);
+    result.covariance.setZero();
+    result.turn.setZero();
+    return result;
+  };
+  if (observations.size() < static_cast<std::size_t>(options.min_observations))
+    return fail(PoseStatus::too_few_observations);
+
+  auto damping = damping_of<S>(options);
+  damping.max_damping = std::numeric_limits<S>::infinity();  // the few iterations of a round are the limit
+  damping.stop_unsolvable = true;                            // the observations do not determine the pose
+  PoseProblem<S, Camera, Kernel, Rows> problem(camera, observations, T_c_w_initial, options, kernel,
+                                               workspace, rows);
+  for (int round = 0; round < options.rounds; ++round) {
+    const S cost = problem.start_round();
+    if (!std::isfinite(cost)) return fail(PoseStatus::diverged);
+    const auto minimum = levenberg_marquardt(problem, cost, damping);
+    result.iterations += minimum.iterations;
+    if (minimum.status == LevenbergMarquardtStatus::unsolvable) return fail(PoseStatus::degenerate);
+    result.status = status_of<PoseStatus>(minimum.status);
+    result.inliers = problem.classify(result.cost);
+    if (result.inliers < options.min_observations) return fail(PoseStatus::too_few_observations);
+    result.T_c_w = problem.pose();
+    result.turn = problem.turn();
+  }
+  if (!problem.covariance(result.covariance)) return fail(PoseStatus::degenerate);
+  return result;
+}
 
 }  // namespace detail
 
@@ -211,40 +302,8 @@ PoseResult<S> optimize_pose(const Camera& camera,
                             std::span<const PoseObservation<std::type_identity_t<S>>> observations,
                             const SE3<S>& T_c_w_initial, const PoseOptions<S>& options, const Kernel& kernel,
                             PoseWorkspace<S>& workspace) {
-  PoseResult<S> result;
-  result.T_c_w = T_c_w_initial;
-  workspace.inlier.assign(observations.size(), 1);
-  workspace.weight.assign(observations.size(), S(0));
-  const auto fail = [&](PoseStatus status) {
-    std::fill(workspace.inlier.begin(), workspace.inlier.end(), std::uint8_t{0});
-    std::fill(workspace.weight.begin(), workspace.weight.end(), S(0));
-    result.status = status;
-    result.inliers = 0;
-    result.cost = S(0);
-    result.covariance.setZero();
-    return result;
-  };
-  if (observations.size() < static_cast<std::size_t>(options.min_observations))
-    return fail(PoseStatus::too_few_observations);
-
-  auto damping = damping_of<S>(options);
-  damping.max_damping = std::numeric_limits<S>::infinity();  // the few iterations of a round are the limit
-  damping.stop_unsolvable = true;                            // the observations do not determine the pose
-  detail::PoseProblem<S, Camera, Kernel> problem(camera, observations, T_c_w_initial, options, kernel,
-                                                 workspace);
-  for (int round = 0; round < options.rounds; ++round) {
-    const S cost = problem.start_round();
-    if (!std::isfinite(cost)) return fail(PoseStatus::diverged);
-    const auto minimum = levenberg_marquardt(problem, cost, damping);
-    result.iterations += minimum.iterations;
-    if (minimum.status == LevenbergMarquardtStatus::unsolvable) return fail(PoseStatus::degenerate);
-    result.status = status_of<PoseStatus>(minimum.status);
-    result.inliers = problem.classify(result.cost);
-    if (result.inliers < options.min_observations) return fail(PoseStatus::too_few_observations);
-    result.T_c_w = problem.pose();
-  }
-  if (!problem.covariance(result.covariance)) return fail(PoseStatus::degenerate);
-  return result;
+  return detail::optimize_pose<S>(camera, observations, T_c_w_initial, options, kernel, workspace,
+                                  detail::RowsAtOnce<S>());
 }
 
 /// The same for those who try it once: memory of its own, a t-distribution.

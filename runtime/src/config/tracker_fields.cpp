@@ -90,6 +90,10 @@ void list(FieldList& f, PoseSearchOptions& o) {
     "greatest speed of the camera: a place farther away is taken for another one that looks alike",
     kPositive);
   f("max_turn", o.max_turn, "rad/s", "greatest angular velocity of the camera", kPositive);
+  f("turn_doubt", o.turn_doubt, "rad/s",
+    "how well the motion between frames tells the camera's turn while it reads its rows; 0: it is taken for "
+    "it",
+    kNotNegative);
   f("longest_delay", o.longest_delay, "s",
     "longest delay of a depth image over which the velocity is trusted", kNotNegative);
 }

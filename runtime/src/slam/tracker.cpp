@@ -206,6 +206,7 @@ int Tracker::find_initial_pose(Present& now) {
 
 bool Tracker::try_initial_pose(Present& now, const SE3<double>& predicted, float radius) {
   const PoseSearchOptions& o = options_.search;
+  pose_.set_rows_known();  // as predicted, until the local map tells
   if (matcher_.match_last(map_, last_, predicted, radius, now.frame) < o.weak_inliers) return false;
   matcher_.refine(map_, predicted, now.image->pyramid, now.depth, now.frame);
   pose_.gather(map_, now.frame);
@@ -252,10 +253,13 @@ bool Tracker::prove_on_local_map(Present& now, int wanted) {
     pose_.gather(map_, now.frame);
     pose_.keep_consistent(now.T_c_w, options_.search.local_chi2, now.frame);
   }
+  look_for_turn(now);
   const PoseResult<double> pose = pose_.optimize(map_, now.T_c_w, now.frame);
   now.T_c_w = pose.T_c_w;
   now.result.inliers = pose.inliers;
+  now.result.covariance = pose.covariance;
   if (pose.inliers < wanted) return false;
+  take_turn(now, pose.turn);
   if (const auto since_last = interval(now.input); readout_ && since_last) {
     pose_.measure_readout(now.frame, now.T_c_w, speed(now.T_c_w * last_.T_c_w.inverse(), *since_last),
                           camera_.height, *readout_);
@@ -263,15 +267,8 @@ bool Tracker::prove_on_local_map(Present& now, int wanted) {
   return true;
 }
 
-bool Tracker::reachable(const SE3<double>& T_c_w, double t) const {
-  if (last_.features.empty()) return true;  // a map was loaded: the camera may be anywhere in it
-  const SE3<double> step = T_c_w * last_.T_c_w.inverse();
-  const double interval = t - last_.t;
-  return step.translation().norm() <= options_.search.max_speed * interval &&
-         step.so3().log().norm() <= options_.search.max_turn * interval;
-}
-
 bool Tracker::relocalise(Present& now) {
+  pose_.set_rows_known();
   places_.query(now.frame, places_found_);
   if (places_found_.size() > static_cast<std::size_t>(options_.search.candidates))
     places_found_.resize(static_cast<std::size_t>(options_.search.candidates));
@@ -290,6 +287,7 @@ bool Tracker::relocalise(Present& now) {
     const PoseResult<double> result = pose_.optimize(map_, found.T_c_w, now.frame);
     if (result.inliers < 2 * options_.search.min_inliers || !reachable(result.T_c_w, now.frame.t)) continue;
     now.T_c_w = result.T_c_w;
+    now.result.covariance = result.covariance;
     return true;
   }
   return false;
@@ -300,7 +298,7 @@ void Tracker::find_movers(Present& now) {
   if (geometry_.has_reference()) geometry_.place_reference(T_reference_keyframe_ * map_.pose(reference_id_));
   const SE3<double> T_c_last = now.T_c_w * last_.T_c_w.inverse();
   geometry_.set_depth_motion(depth_motion(now.input, T_c_last), depth_delay(now.input));
-  geometry_.set_rolling_shutter(shutter(now.input, T_c_last));
+  geometry_.set_rolling_shutter(matcher_.placer().rolling_shutter());
   constexpr std::array kStages{Stage::lucas_kanade, Stage::residuals, Stage::free_space, Stage::growing};
   Stopwatch watch;
   const auto& motion = geometry_.segment(
@@ -345,6 +343,7 @@ void Tracker::pose_without_movers(Present& now) {
     flag(frame, widened(now.result.dynamic_mask, options_.feature_margin), masks[0]);
     for (std::size_t i = 0; i < frame.dynamic.size(); ++i) masks[0][i] |= frame.dynamic[i];
   }
+  look_for_turn(now);
   const auto fused = masked_pose(
       pose_, map_, now.T_c_w, masks, options_.arbitration, frame,
       [&](int point) { ++map_.point(point).on_mover; }, masked_pose_);
@@ -352,6 +351,8 @@ void Tracker::pose_without_movers(Present& now) {
   if (fused.pose.inliers >= options_.search.min_inliers) {
     now.T_c_w = fused.pose.T_c_w;
     now.result.inliers = fused.pose.inliers;
+    now.result.covariance = fused.pose.covariance;
+    take_turn(now, fused.pose.turn);
   }
   if (fused.mask < masks.size()) {
     cv::bitwise_or(now.result.dynamic_mask, now.moving, now.result.dynamic_mask);

@@ -50,7 +50,37 @@ SE3<double>::Vector6 Tracker::speed(const SE3<double>& T_c_last, double interval
 void Tracker::place_again(Present& now) {
   if (!interval(now.input) || (now.input.depth_delay == 0 && camera_.readout_time == 0)) return;
   set_motion(now, now.T_c_w * last_.T_c_w.inverse());
+  now.turn.setZero();
+  place_features(now);
+}
+
+void Tracker::place_features(Present& now) const {
   for (Feature& f : now.frame.features) matcher_.placer().place(f, Eigen::Vector2d(f.u, f.v), now.depth);
+}
+
+/// Has the next optimisation ask how the camera turned while it read its rows. A measurement of the readout
+/// time would find nothing then: the turn explains the same.
+void Tracker::look_for_turn(const Present& now) {
+  pose_.set_rows_known();
+  if (!(options_.search.turn_doubt > 0) || readout_ || !interval(now.input)) return;
+  pose_.set_rows(matcher_.placer().rolling_shutter(),
+                 {-now.turn, options_.search.turn_doubt * camera_.readout_time});
+}
+
+/// Places the features by the turn that was found.
+void Tracker::take_turn(Present& now, const Eigen::Vector3d& turn) {
+  if (turn.isZero(0)) return;
+  now.turn += turn;
+  matcher_.placer().set_rolling_shutter(matcher_.placer().rolling_shutter().turned(turn));
+  place_features(now);
+}
+
+bool Tracker::reachable(const SE3<double>& T_c_w, double t) const {
+  if (last_.features.empty()) return true;  // a map was loaded: the camera may be anywhere in it
+  const SE3<double> step = T_c_w * last_.T_c_w.inverse();
+  const double interval = t - last_.t;
+  return step.translation().norm() <= options_.search.max_speed * interval &&
+         step.so3().log().norm() <= options_.search.max_turn * interval;
 }
 
 }  // namespace dynslam::runtime

@@ -29,6 +29,8 @@ struct Tracker::Present {
   std::shared_ptr<const ImageFeatures> image;
   Frame frame;
   SE3<double> T_c_w;
+  Eigen::Vector3d turn =
+      Eigen::Vector3d::Zero();  // while the rows are read, beyond the motion since the last frame
   std::optional<ImageAlignmentResult<double>> aligned;  // with the last frame; empty: not tried
   bool plain = false;                                   // located without what the method adds
   const Masks* prior = nullptr;                         // where it is used

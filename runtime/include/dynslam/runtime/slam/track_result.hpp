@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstddef>
 #include <opencv2/core.hpp>
@@ -58,6 +59,9 @@ struct TrackResult {
   SE3<double> T_w_c;  ///< as known now; the final pose is T_c_reference's with the reference's last one
   int reference = 0;  ///< the newest keyframe
   SE3<double> T_c_reference;
+  /// Of the left increment [m, rad] of T_c_w, by the noise of the matches alone; zero where none told the
+  /// pose.
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   bool keyframe = false;
   std::optional<LoopClosing> loop;                ///< closed at this keyframe: T_w_c is corrected already
   MaskVerdict mask_rejected = MaskVerdict::kept;  ///< why the pose was not found by the mask, if it was not

@@ -87,6 +87,9 @@ class Tracker {
   /// Tells the placer how the camera moves while the images are taken. @param T_c_last  since the last frame
   void set_motion(const Present& now, const SE3<double>& T_c_last);
   void place_again(Present& now);
+  void place_features(Present& now) const;
+  void look_for_turn(const Present& now);
+  void take_turn(Present& now, const Eigen::Vector3d& turn);
   /// Matches the local map's points. @return whether `wanted` of them fit one pose
   bool prove_on_local_map(Present& now, int wanted);
   bool relocalise(Present& now);
@@ -148,7 +151,7 @@ class Tracker {
   ImagePyramid last_pyramid_;  // for look_again()
   cv::Mat last_moving_;        // what the geometry found in the last frame, CV_8UC1
   std::vector<std::uint8_t> recent_flags_;
-  SE3<double> velocity_;          // T_c_last
+  SE3<double> velocity_;  // T_c_last
   std::optional<ReadoutMeasurement<double>> readout_;
   double velocity_interval_ = 0;  // over which it was measured [s]; 0: it was not
   bool initialised_ = false;
