@@ -9,9 +9,12 @@
 #include <vector>
 
 #include "dynslam/optim/absolute_pose.hpp"
+#include "dynslam/optim/banded_system.hpp"
 #include "dynslam/optim/pose.hpp"
 #include "dynslam/optim/pose_consensus.hpp"
+#include "dynslam/optim/rolling_pose.hpp"
 #include "dynslam/optim/surface_weights.hpp"
+#include "dynslam/optim/trajectory_smoothing.hpp"
 #include "dynslam/optim/truncated_cost.hpp"
 #include "dynslam/robust/kernels.hpp"
 #include "dynslam/robust/t_distribution.hpp"
@@ -61,6 +64,14 @@ void poses(test::Record<double>& out) {
   with(TDistribution<S>(S(5)));
   with(Tukey<S>());
   put_pose(out, "optimize_pose.short", optimize_pose(camera, view, start).T_c_w);
+  std::vector<S> rows;
+  for (std::size_t i = 0; i < view.size(); ++i) rows.push_back(S(i % 11) / S(10) - S(0.5));
+  const std::span<const S> share(rows);
+  const auto rolling = optimize_rolling_pose(camera, view, share, start, {.sigma = S(1e-4)}, PoseOptions<S>{},
+                                             Tukey<S>(), workspace);
+  out.put("optimize_rolling_pose.inliers", rolling.inliers);
+  put_pose(out, "optimize_rolling_pose", rolling.T_c_w);
+  put_pose(out, "optimize_rolling_pose.short", optimize_rolling_pose(camera, view, share, start).T_c_w);
   std::vector<S> weights;
   surface_weights<S>(test::kWidth, test::kHeight, start, view, {}, weights);
   out.put("surface_weights",
@@ -84,10 +95,28 @@ void poses(test::Record<double>& out) {
   put_pose(out, "absolute_pose.short", absolute_pose(camera, view).T_c_w);
 }
 
+template <class S>
+void trajectories(test::Record<double>& out) {
+  std::vector<TrackedPose<S>> all(40);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    all[i].t = static_cast<double>(i) / 30;
+    all[i].T_c_w = pose_of(0.02 * static_cast<double>(i)).template cast<S>();
+  }
+  const auto smoothed = smooth_trajectory<S>(all);
+  out.put("smooth_trajectory.ok", smoothed.ok());
+  put_pose(out, "smooth_trajectory", all[20].T_c_w);
+  BandedSystem<S, 1> chain;
+  chain.reset(2);
+  chain.at(0, 0) = chain.at(1, 0) = S(2);
+  chain.at(0, 1) = S(1);
+  out.put("banded_system.factor", chain.factor());
+}
+
 template <class Camera>
 test::Record<double> camera_results() {
   test::Record<double> out;
   poses<Camera>(out);
+  trajectories<typename Camera::ScalarType>(out);
   return out;
 }
 

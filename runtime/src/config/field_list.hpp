@@ -88,6 +88,8 @@ void list(FieldList& f, PlaceOptions& o);
 void list(FieldList& f, SemanticMapperOptions& o);
 void list(FieldList& f, SegmentationStageOptions& o);
 void list(FieldList& f, LiveOptions& o);
+void list(FieldList& f, SmoothingOptions& o);
+void list(FieldList& f, TrajectoryOptions& o);
 void list(FieldList& f, NewMapOptions& o);
 void list(FieldList& f, RunOptions& o);
 

@@ -140,6 +140,20 @@ void list(FieldList& f, NewMapOptions& o) {
   f("scans", o.scans, "keyframes", "keyframes of a new map that are kept for the octree", between(2, 100000));
 }
 
+void list(FieldList& f, SmoothingOptions& o) {
+  f("nu", o.nu, "", "degrees of freedom of the t-distribution of the poses' errors", kPositive);
+  f("iterations", o.iterations, "", "of the weights by that", from(1));
+  f("longest_gap", o.longest_gap, "s", "time without a pose over which nothing is known of the motion",
+    kPositive);
+  f("min_poses", o.min_poses, "frames", "poses in a row from which on they are smoothed", from(4));
+  f("max_ratio", o.max_ratio, "", "between the largest and the smallest weight of two poses", from(1));
+}
+
+void list(FieldList& f, TrajectoryOptions& o) {
+  f("smooth", o.smooth, "", "smooth trajectory.txt in the end; not with the paper's method");
+  list(f, static_cast<SmoothingOptions&>(o));
+}
+
 void list(FieldList& f, RunOptions& o) {
   // left out: sequence: given for each run
   // left out: out: given for each run
@@ -174,6 +188,7 @@ void list(FieldList& f, RunOptions& o) {
   f.section("");
   f.table("live", o.live);
   f.table("new_map", o.new_map);
+  f.table("trajectory", o.trajectory);
   f.table("segmentation", o.segmentation);
   f.table("tracker", o.tracker);
   f.table("mapper", o.mapper);

@@ -39,6 +39,7 @@ SlamOptions slam_options(const RunOptions& options) {
   result.tracker = options.tracker;
   result.mapper = options.mapper;
   result.new_map = options.new_map;
+  result.trajectory = options.trajectory;
   return result;
 }
 

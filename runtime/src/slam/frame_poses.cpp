@@ -6,13 +6,17 @@
 namespace dynslam::runtime {
 
 void FramePoses::add(const RgbdFrame& frame, const TrackResult& result) {
-  frames_.push_back({frame.t, frame.ns, result.reference, result.T_c_reference, result.keyframe});
+  frames_.push_back({frame.t, frame.ns, result.reference, result.T_c_reference, result.keyframe,
+                     result.state == TrackingState::relocalised,
+                     result.covariance.leftCols<3>().cast<float>()});
 }
 
 void FramePoses::take(const FramePoses& other, int first_keyframe) {
   frames_.reserve(frames_.size() + other.frames_.size());
+  ++taken_;
   for (FramePose frame : other.frames_) {
     frame.reference += first_keyframe;
+    frame.world = taken_;
     frames_.push_back(frame);
   }
   std::stable_sort(frames_.begin(), frames_.end(), [](const auto& a, const auto& b) { return a.t < b.t; });
@@ -35,6 +39,23 @@ std::vector<StampedPose<double>> FramePoses::poses(const LocalMap& map, bool key
     if (keyframes_alone && !frame.keyframe) continue;
     result.push_back({frame.t, T_w_c(frame, map), frame.ns});
   }
+  return result;
+}
+
+std::vector<StampedPose<double>> FramePoses::smoothed(const LocalMap& map,
+                                                      const SmoothingOptions& options) const {
+  std::vector<StampedPose<double>> result = poses(map, false);
+  std::vector<TrackedPose<double>> tracked(frames_.size());
+  for (std::size_t i = 0; i < frames_.size(); ++i) {
+    const FramePose& frame = frames_[i];
+    TrackedPose<double>& pose = tracked[i];
+    pose.t = frame.t;
+    pose.T_c_w = frame.T_c_reference * map.pose(frame.reference);
+    pose.covariance.leftCols<3>() = frame.covariance.cast<double>();
+    pose.begins = frame.relocalised || (i > 0 && frame.world != frames_[i - 1].world);
+  }
+  if (!smooth_trajectory<double>(tracked, options).ok()) return result;
+  for (std::size_t i = 0; i < result.size(); ++i) result[i].T_w_c = tracked[i].T_c_w.inverse();
   return result;
 }
 

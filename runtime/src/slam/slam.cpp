@@ -91,6 +91,11 @@ struct Slam::State {
   }
   /// Has a map that was begun while the camera was lost become part of the main one.
   void join(SeparateMap& map, double t);
+  /// Poses of the frames of a map, smoothed where the end is known.
+  [[nodiscard]] std::vector<StampedPose<double>> trajectory(const FramePoses& of, const LocalMap& map) const {
+    const bool smooth = finished && options.trajectory.smooth && options.tracker.method == Method::full;
+    return smooth ? of.smoothed(map, options.trajectory) : of.poses(map, false);
+  }
   /// Saves a map that was never joined beside the main one in its folder.
   void save_beside(const SeparateMap& map, const std::filesystem::path& folder);
 
@@ -108,6 +113,7 @@ struct Slam::State {
   SavedScans loaded;
   std::map<std::pair<std::filesystem::path, int>, std::filesystem::path> beside;  // folders of separate maps
   bool whole = true;
+  bool finished = false;  // nothing was tracked since
 };
 
 void Slam::State::join(SeparateMap& map, double t) {
@@ -173,6 +179,7 @@ TrackResult Slam::track(const RgbdFrame& frame, const std::optional<Masks>& prio
   check_input(frame, prior, s.camera, s.last_t);
   s.last_t = frame.t;
   ++s.seen;
+  s.finished = false;
   TrackResult result;
   s.located = false;
   s.journal.begin(*s.tracker);
@@ -206,12 +213,13 @@ void Slam::finish() {
     s.octree->follow(s.tracker->map());
     s.octree->finish();
   });
+  s.finished = true;
   s.journal.note(*s.tracker, s.last_t.value_or(0), nullptr);
   s.journal.tell();
 }
 
 std::vector<StampedPose<double>> Slam::trajectory() const {
-  return state_->frames.poses(state_->tracker->map(), false);
+  return state_->trajectory(state_->frames, state_->tracker->map());
 }
 
 std::vector<StampedPose<double>> Slam::keyframe_trajectory() const {
@@ -222,7 +230,7 @@ std::vector<SeparateTrajectory> Slam::separate_trajectories() const {
   std::vector<SeparateTrajectory> result;
   for (const auto& map : state_->separate->maps()) {
     if (map->frames().size() > 0)
-      result.push_back({map->number, map->frames().poses(map->tracker().map(), false)});
+      result.push_back({map->number, state_->trajectory(map->frames(), map->tracker().map())});
   }
   return result;
 }

@@ -20,6 +20,7 @@
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 #include "dynslam/runtime/slam/slam_events.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
+#include "dynslam/runtime/slam/trajectory_options.hpp"
 
 namespace dynslam::runtime {
 
@@ -36,10 +37,11 @@ struct SlamOptions {
   TrackerOptions tracker;          ///< its `dynamics` and seeds are set from those above
   /// How the octree is made; its `resolution` and `max_bytes` are set from those above.
   SemanticMapperOptions mapper = SemanticMapperOptions::of_run();
-  NewMapOptions new_map;  ///< what a loss that lasts begins
-  SlamEvents events{};    ///< functions to be called: keyframes, loops, adjustments, lost, found
-  /// Told of the octree as it grows, on the octree's own thread, which waits for it: the only way to look at it
-  /// before finish(). See SemanticMapper.
+  NewMapOptions new_map;         ///< what a loss that lasts begins
+  TrajectoryOptions trajectory;  ///< how trajectory() is smoothed
+  SlamEvents events{};           ///< functions to be called: keyframes, loops, adjustments, lost, found
+  /// Told of the octree as it grows, on the octree's own thread, which waits for it: the only way to look at
+  /// it before finish(). See SemanticMapper.
   SemanticMapper::Told mapped{};
 };
 
@@ -88,9 +90,11 @@ class Slam {
   /// may follow. @throws what went wrong there
   void finish();
 
-  /// Poses T_w_c of all frames that were tracked, each beside its keyframe as the map has that by now.
+  /// Poses T_w_c of all frames that were tracked, each beside its keyframe as the map has that by now. After
+  /// finish(), until the next frame, they are smoothed (SlamOptions::trajectory): a pose of a frame in the
+  /// middle is better for those that came after it.
   [[nodiscard]] std::vector<StampedPose<double>> trajectory() const;
-  /// The same of the frames that became keyframes.
+  /// Those of the frames that became keyframes, where the map has them.
   [[nodiscard]] std::vector<StampedPose<double>> keyframe_trajectory() const;
   /// What was tracked while the camera was lost in the main map, and was never joined to it.
   [[nodiscard]] std::vector<SeparateTrajectory> separate_trajectories() const;

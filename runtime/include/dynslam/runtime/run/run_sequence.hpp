@@ -47,10 +47,11 @@ struct RunOptions {
   /// Live: frames come at the pace at which they were recorded, those too many are dropped, and a network's
   /// masks come late. The results are then not the same in every run.
   Schedule schedule = Schedule::deterministic;
-  double live_speed = 1;   ///< of that pace: 2 is twice as fast
-  LiveOptions live;        ///< its functions are not used
-  NewMapOptions new_map;   ///< what a loss that lasts begins
-  TrackerOptions tracker;  ///< its `dynamics` is set from the one above
+  double live_speed = 1;         ///< of that pace: 2 is twice as fast
+  LiveOptions live;              ///< its functions are not used
+  NewMapOptions new_map;         ///< what a loss that lasts begins
+  TrajectoryOptions trajectory;  ///< how trajectory.txt is smoothed
+  TrackerOptions tracker;        ///< its `dynamics` is set from the one above
   /// How the octree is made; its `resolution` and `max_bytes` are set from those above.
   SemanticMapperOptions mapper = SemanticMapperOptions::of_run();
 };
