@@ -4,6 +4,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 #include "dynslam/dynamics/residuals.hpp"
@@ -60,4 +61,30 @@ TEST_CASE_TEMPLATE("errors and weights of many matches are those of each one, ou
     CHECK(out.weight[k] ==
           doctest::Approx(static_cast<double>(static_weight<S>(r, here, S(5)))).epsilon(2e-3));
   }
+}
+
+TEST_CASE_TEMPLATE("grey values are the same numbers in images of any type", Pixel, std::uint16_t, float) {
+  test::Rng rng("residual batch of any grey values");
+  const Pinhole<float> camera(60.0F, 62.0F, 40.0F, 30.0F);
+  Image<std::uint8_t> bytes(80, 60);
+  Image<Pixel> same(80, 60);
+  const Image<float> depth(80, 60, 2.0F);
+  for (int i = 0; i < 80 * 60; ++i) {
+    bytes.data()[i] = static_cast<std::uint8_t>(rng.integer(0, 255));
+    same.data()[i] = static_cast<Pixel>(bytes.data()[i]);
+  }
+  MatchRows<float> rows;
+  for (int k = 0; k < 70; ++k) {  // two blocks and some one by one
+    const Eigen::Vector2f x(static_cast<float>(rng.uniform(-2, 82)), static_cast<float>(rng.uniform(-2, 62)));
+    rows.push_back(x, camera.ray(x) * 2.0F, x);
+  }
+  const StaticWeightScales<float> scales{8.0F, 1.0F, 2.0F};
+  ResidualRows<float> out, expected;
+  const auto run = [&](const auto& gray, ResidualRows<float>& to) {
+    residual_batch<float>(camera, rows, gray, gray, depth, SE3<float>(), scales, {}, 5.0F, to);
+  };
+  run(bytes, expected);
+  run(same, out);
+  CHECK(out.photometric == expected.photometric);
+  CHECK(out.weight == expected.weight);
 }

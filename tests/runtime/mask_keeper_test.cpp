@@ -126,3 +126,17 @@ TEST_CASE("a carried mask that would cover nearly everything is given up") {
   (void)keeper.update(flood, scene.wall, depth);
   CHECK(cv::countNonZero(keeper.update(std::nullopt, scene.wall, depth).dynamic) == 0);
 }
+
+TEST_CASE("a copy of a keeper goes on by itself") {
+  const Scene scene;
+  MaskKeeper keeper;
+  static_cast<void>(keeper.update(scene.detected(0, 0), scene.gray(0), scene.depth(0)));
+  static_cast<void>(keeper.update(std::nullopt, scene.gray(1), scene.depth(1)));
+  MaskKeeper copy = keeper;
+  const Masks masks = keeper.update(std::nullopt, scene.gray(2), scene.depth(2));
+  for (int frame = 10; frame < 14; ++frame)  // elsewhere
+    static_cast<void>(keeper.update(scene.detected(frame, 0), scene.gray(frame), scene.depth(frame)));
+  const Masks same = copy.update(std::nullopt, scene.gray(2), scene.depth(2));
+  CHECK(iou(masks.dynamic, scene.truth(2)) > 0.95);
+  CHECK(cv::countNonZero(masks.dynamic != same.dynamic) == 0);
+}

@@ -80,6 +80,31 @@ template <std::floating_point S>
 #endif
   }
 }
+
+/// Depths that are compared before the answers become bits.
+inline constexpr int kPartPixels = 16;
+
+/// Bit i is set where `compare(i)`, of the lanes from pixel i on, was true, i < 16.
+template <std::floating_point S, class Compare>
+[[nodiscard]] std::uint64_t bits_of_part(const Compare& compare) {
+#ifdef EIGEN_VECTORIZE_SSE2
+  // Masks are narrowed to bytes, of which one instruction makes bits.
+  const auto mask = [&](int i) { return std::bit_cast<__m128i>(compare(i)); };
+  if constexpr (DepthLanes<S>::kCount == 4) {
+    const __m128i low = _mm_packs_epi32(mask(0), mask(4)), high = _mm_packs_epi32(mask(8), mask(12));
+    return static_cast<unsigned>(_mm_movemask_epi8(_mm_packs_epi16(low, high)));
+  } else if constexpr (DepthLanes<S>::kCount == 2) {
+    const auto four = [&](int i) { return _mm_packs_epi32(mask(i), mask(i + 2)); };
+    const __m128i low = _mm_packs_epi32(four(0), four(4)), high = _mm_packs_epi32(four(8), four(12));
+    return static_cast<unsigned>(_mm_movemask_epi8(_mm_packs_epi16(low, high)));
+  }
+#endif
+  std::uint64_t bits = 0;
+  for (int i = 0; i < kPartPixels; i += DepthLanes<S>::kCount)
+    bits |= static_cast<std::uint64_t>(bits_of_lanes<S>(compare(i))) << i;
+  return bits;
+}
+
 /// The rule of is_valid_depth().
 template <std::floating_point S>
 [[nodiscard]] typename DepthLanes<S>::Mask valid_lanes(const typename DepthLanes<S>::Vector& z) {

@@ -58,7 +58,7 @@ struct FixedStep {
   [[nodiscard]] bool operator()(S from, S to) const { return lanes(from, to); }
   template <class V>
   [[nodiscard]] auto lanes(const V& from, const V& to) const {
-    return detail::magnitude<V>(from - to) < step;
+    return detail::magnitude<V>(to - from) < step;
   }
 };
 
@@ -71,7 +71,7 @@ struct RelativeStep {
   template <class V>
   [[nodiscard]] auto lanes(const V& from, const V& to) const {
     const V z = detail::smaller(from, to);
-    return detail::magnitude<V>(from - to) < base + quad * z * z;
+    return detail::magnitude<V>(to - from) < base + quad * z * z;
   }
 };
 

@@ -33,7 +33,8 @@ struct GrowingWord {
   std::uint64_t open;    ///< may be entered: valid, in front of the barrier, not taken
   std::uint64_t joined;  ///< open, and so is the pixel to the right, which one may step to
 };
-/// Those of an image, row by row. What nobody has looked at yet has joined pixels that are not open.
+/// Those of an image, row by row. What nobody has looked at yet has joined pixels that are not open. Apart:
+/// pairs would be written as numbers and read as vectors, for which a processor waits.
 struct GrowingWords {
   std::vector<std::uint64_t> open, joined;
 };
@@ -59,7 +60,9 @@ class GrowingField {
   }
 
   /// Whether a pixel may be entered and was not yet.
-  [[nodiscard]] bool open(int u, int v) { return (words_.open[seen(u, v)] >> bit_of(u) & 1) != 0; }
+  [[nodiscard]] bool open(int u, int v) {
+    return (words_.open[seen(row_of(v), word_of(u), v)] >> bit_of(u) & 1) != 0;
+  }
 
   /// Takes everything that an open pixel reaches, and appends it. @return pixels
   template <Connectivity connectivity>
@@ -67,11 +70,10 @@ class GrowingField {
     constexpr int kReach = connectivity == Connectivity::eight ? 1 : 0;
     std::size_t pixels = 0, head = runs.size();
     const auto add = [&](const PixelRun& run) {
-      take(run);
       runs.push_back(run);
       pixels += run.size();
     };
-    add(run_around(u, v));
+    add(run_around<true>(u, v));
     for (; head < runs.size(); ++head) {
       const PixelRun from = runs[head];
       const int end = std::min(width_, from.end + kReach);
@@ -79,8 +81,14 @@ class GrowingField {
         if (row < 0 || row >= height_) continue;
         int at = next_open(std::max(0, from.begin - kReach), row, end);
         while (at < end) {
-          const PixelRun to = run_around(at, row);
-          if (meet<kReach>(from, to)) add(to);
+          PixelRun to;
+          if (at >= from.begin && at < from.end && step_across(at, from.v, row)) {  // mostly
+            to = run_around<true>(at, row);
+            add(to);
+          } else {
+            to = run_around<false>(at, row);
+            if (meet<kReach>(from, to)) add(run_around<true>(at, row));
+          }
           at = next_open(to.end, row, end);
         }
       }
@@ -93,62 +101,78 @@ class GrowingField {
   using Depths = const S*;  // of 64 pixels and the one after them
 
   [[nodiscard]] static int bit_of(int u) { return u & (kWordPixels - 1); }
+  [[nodiscard]] static int word_of(int u) { return u / kWordPixels; }
+  /// Index of a row's first word.
+  [[nodiscard]] std::size_t row_of(int v) const { return static_cast<std::size_t>(v) * stride_; }
 
-  [[nodiscard]] std::size_t index(int u, int v) const {
-    return static_cast<std::size_t>(v) * stride_ + static_cast<std::size_t>(u) / kWordPixels;
-  }
-  /// Index of a pixel's word, which is looked at if it was not yet.
-  std::size_t seen(int u, int v) {
-    const std::size_t k = index(u, v);
-    if ((words_.joined[k] & ~words_.open[k]) != 0) {
-      const GrowingWord word = look(u - bit_of(u), v);
-      words_.open[k] = word.open;
-      words_.joined[k] = word.joined;
+  /// Index of word k of row v, which is looked at if it was not yet.
+  /// @param row  row_of(v)
+  std::size_t seen(std::size_t row, int k, int v) {
+    const std::size_t i = row + static_cast<std::size_t>(k);
+    if ((words_.joined[i] & ~words_.open[i]) != 0) {
+      const GrowingWord word = look(k * kWordPixels, v);
+      words_.open[i] = word.open;
+      words_.joined[i] = word.joined;
     }
-    return k;
+    return i;
+  }
+  void take(std::size_t word, std::uint64_t bits) {
+    words_.open[word] &= ~bits;
+    words_.joined[word] &= ~bits;
   }
 
   /// The first open pixel of [u, end), or end.
   int next_open(int u, int v, int end) {
-    for (; u < end; u += kWordPixels - bit_of(u)) {
-      const std::uint64_t bits = words_.open[seen(u, v)] >> bit_of(u);
+    for (const std::size_t row = row_of(v); u < end; u += kWordPixels - bit_of(u)) {
+      const std::uint64_t bits = words_.open[seen(row, word_of(u), v)] >> bit_of(u);
       if (bits != 0) return std::min(end, u + std::countr_zero(bits));
     }
     return end;
   }
 
   /// The run of an open pixel.
+  /// @tparam takes  whether its pixels are closed
+  template <bool takes>
   PixelRun run_around(int u, int v) {
-    PixelRun run{v, u, u + 1};
-    while (run.begin > 0) {
-      const int at = run.begin - 1, before = bit_of(at);  // of the pixels before it in its word
-      const int n = std::countl_one(words_.joined[seen(at, v)] << (kWordPixels - 1 - before));
-      run.begin -= n;
-      if (n <= before) break;
+    constexpr std::uint64_t kAll = ~std::uint64_t{0};
+    constexpr int kLast = kWordPixels - 1;
+    const std::size_t row = row_of(v);
+    int k = word_of(u);
+    const int bit = bit_of(u);
+    const std::size_t middle = row + static_cast<std::size_t>(k);
+    const std::uint64_t joined = words_.joined[middle];
+    int left = std::countl_one(joined << (kLast - bit) << 1), right = std::countr_one(joined >> bit);
+    const bool begins_before = left == bit, ends_after = bit + right == kWordPixels;
+    PixelRun run{v, u - left, u + 1 + std::min(right, kLast - bit)};
+    if constexpr (takes)
+      take(middle, (kAll << (bit - left)) & (kAll >> (kLast - std::min(kLast, bit + right))));
+    for (int i = k; begins_before && i > 0;) {
+      const std::size_t word = seen(row, --i, v);
+      left = std::countl_one(words_.joined[word]);
+      if (left == 0) break;
+      if constexpr (takes) take(word, kAll << (kWordPixels - left));
+      run.begin -= left;
+      if (left < kWordPixels) break;
     }
-    for (;;) {
-      const int at = run.end - 1, before = bit_of(at);
-      const int n = std::countr_one(words_.joined[seen(at, v)] >> before);
-      run.end += n;
-      if (n < kWordPixels - before) break;
+    while (ends_after) {
+      const std::size_t word = seen(row, ++k, v);
+      right = std::countr_one(words_.joined[word]);
+      const int more = std::min(right + 1, kWordPixels);
+      if constexpr (takes) take(word, kAll >> (kWordPixels - more));
+      run.end += more;
+      if (right < kWordPixels) break;
     }
     return run;
   }
 
-  void take(const PixelRun& run) {
-    for (int u = run.begin; u < run.end; u += kWordPixels - bit_of(u)) {
-      const int from = bit_of(u), n = std::min(run.end - u, kWordPixels - from);
-      const std::uint64_t rest = ~(~std::uint64_t{0} >> (kWordPixels - n) << from);
-      const std::size_t k = index(u, run.v);
-      words_.open[k] &= rest;
-      words_.joined[k] &= rest;
-    }
+  /// To the same column of another row.
+  [[nodiscard]] bool step_across(int u, int v, int v_to) const {
+    return step(u, v, image_row(depth_, v)[u], u, v_to, image_row(depth_, v_to)[u]);
   }
-
   [[nodiscard]] bool step(int u, int v, S z, int u_to, int v_to, S z_to) const {
     return may_step(criterion_, GrowingSite<S>{u, v, z}, GrowingSite<S>{u_to, v_to, z_to});
   }
-  /// Whether one may step from a run to one of a neighbouring row. Mostly the first pair decides.
+  /// Whether one may step from a run to one of a neighbouring row.
   template <int reach>
   [[nodiscard]] bool meet(const PixelRun& from, const PixelRun& to) const {
     const auto z = image_row(depth_, from.v);
@@ -163,24 +187,22 @@ class GrowingField {
   }
 
   /// Word of the 64 pixels from u on, fewer at the end of the row.
-  [[nodiscard, gnu::noinline]] GrowingWord look(int u, int v) const {
-    const int n = std::min(kWordPixels + 1, width_ - u);
+  [[nodiscard]] GrowingWord look(int u, int v) const {
     if constexpr (RowImage<D>) {
-      if (n > kWordPixels) return look(static_cast<Depths>(depth_.row(v)) + u, u, v);
+      if (width_ - u > kWordPixels) return look(static_cast<Depths>(depth_.row(v)) + u, u, v);
     }
+    return look_at_copy(u, v);
+  }
+  [[nodiscard, gnu::noinline]] GrowingWord look_at_copy(int u, int v) const {
+    const int n = std::min(kWordPixels + 1, width_ - u);
     std::array<S, kWordPixels + 1> copy;
     copy.fill(S(0));  // beyond the image
     const auto row = image_row(depth_, v);
     for (int i = 0; i < n; ++i) copy[static_cast<std::size_t>(i)] = row[u + i];
     return look(copy.data(), u, v);
   }
-  [[nodiscard]] GrowingWord look(Depths z, int u, int v) const {
-    GrowingWord w{0, 0};
-    for (int at = 0; at < kWordPixels; at += kPartPixels) {
-      const GrowingWord part = look_at_part(z + at);
-      w.open |= part.open << at;
-      w.joined |= part.joined << at;
-    }
+  [[nodiscard, gnu::noinline]] GrowingWord look(Depths z, int u, int v) const {
+    GrowingWord w = look_at_depths(z);
     bool after = is_valid_depth(z[kWordPixels]);  // whether the pixel after the word is open
     if constexpr (!std::is_same_v<Barrier, NoBarrier>) {
       const auto row = image_row(barrier_, v);
@@ -198,37 +220,35 @@ class GrowingField {
   }
 
   static constexpr bool kLanes = LaneCriterion<Criterion, S>;
-  static constexpr int kPartPixels = 16;
 
-  /// What is valid of 16 pixels, and where the criterion steps to the right if it may be asked here; said of
+  /// What is valid of 64 pixels, and where the criterion steps to the right if it may be asked here; said of
   /// pairs of open pixels.
-  [[nodiscard]] GrowingWord look_at_part(Depths z) const {
-    constexpr std::uint64_t kAll = 0xffff;
-    constexpr int kCount = DepthLanes<S>::kCount;
+  [[nodiscard]] GrowingWord look_at_depths(Depths z) const {
+    constexpr std::uint64_t kAll = ~std::uint64_t{0};
+    GrowingWord w{0, kAll};
     if constexpr (kLanes) {
-      if (all_joined(z)) return {kAll, kAll};
+      w.joined = 0;
+      auto nearest = load_lanes(z);
+      for (int at = 0; at < kWordPixels; at += kPartPixels) {
+        w.joined |= bits_of_part<S>([&](int i) {
+                      const auto here = load_lanes(z + at + i);
+                      nearest = smaller(here, nearest);
+                      return criterion_.lanes(here, load_lanes(z + at + i + 1));
+                    })
+                    << at;
+      }
+      const bool positive = bits_of_lanes<S>(nearest > S(0)) == (1U << DepthLanes<S>::kCount) - 1;
+      const bool finite = (w.joined | w.joined << 1) == kAll;  // one may step to them or from them
+      if (positive & finite) return {kAll, w.joined};
     }
-    GrowingWord part{0, kLanes ? 0 : kAll};
-    for (int i = 0; i < kPartPixels; i += kCount) {
-      const auto here = load_lanes(z + i);
-      part.open |= static_cast<std::uint64_t>(bits_of_lanes<S>(valid_lanes<S>(here))) << i;
-      if constexpr (kLanes)
-        part.joined |=
-            static_cast<std::uint64_t>(bits_of_lanes<S>(criterion_.lanes(here, load_lanes(z + i + 1)))) << i;
-    }
-    return part;
+    return {valid_bits(z), w.joined};
   }
-  /// Whether 16 pixels are valid and joined, and with the next one if it is valid: from a valid depth the
-  /// criterion steps to finite ones alone.
-  [[nodiscard]] bool all_joined(Depths z) const {
-    auto nearest = load_lanes(z);
-    typename DepthLanes<S>::Mask all = valid_lanes<S>(nearest);
-    for (int i = 0; i < kPartPixels; i += DepthLanes<S>::kCount) {
-      const auto here = load_lanes(z + i);
-      nearest = smaller(nearest, here);
-      all &= criterion_.lanes(here, load_lanes(z + i + 1));
-    }
-    return bits_of_lanes<S>(all & (nearest > S(0))) == (1U << DepthLanes<S>::kCount) - 1;
+  /// Apart, so that what is mostly enough needs few registers.
+  [[nodiscard, gnu::noinline]] static std::uint64_t valid_bits(Depths z) {
+    std::uint64_t bits = 0;
+    for (int at = 0; at < kWordPixels; at += kPartPixels)
+      bits |= bits_of_part<S>([&](int i) { return valid_lanes<S>(load_lanes(z + at + i)); }) << at;
+    return bits;
   }
 
   const D& depth_;

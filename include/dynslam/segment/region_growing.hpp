@@ -63,6 +63,7 @@ struct RegionGrowingWorkspace {
   detail::GrowingWords words;
   std::vector<PixelRun> runs;  ///< of the regions, one after the other
   std::vector<Region> regions;
+  std::vector<std::uint8_t> written;  ///< by row of the mask
 };
 
 namespace detail {
@@ -86,6 +87,32 @@ inline void drop_excess(std::size_t limit, int width, RegionGrowingWorkspace& wo
   regions.erase(regions.begin(), regions.begin() + static_cast<std::ptrdiff_t>(dropped));
   result.regions_excess = static_cast<int>(dropped);
   result.regions = static_cast<int>(regions.size());
+}
+
+/// Writes 255 in the regions and 0 elsewhere: a row's first run together with the rest of the row, so that
+/// what has one run, which most rows have, is written once.
+template <class Mask>
+void write_regions(RegionGrowingWorkspace& workspace, Mask& mask) {
+  using Pixel = typename Mask::Pixel;
+  const int w = mask.width(), h = mask.height();
+  auto& written = workspace.written;
+  written.assign(static_cast<std::size_t>(h), 0);
+  for (const auto& region : workspace.regions) {
+    for (std::size_t i = region.begin; i < region.begin + region.runs; ++i) {
+      const PixelRun run = workspace.runs[i];
+      auto row = image_row(mask, run.v);
+      auto& done = written[static_cast<std::size_t>(run.v)];
+      if (done == 0) {
+        fill_row(row, 0, run.begin, Pixel(0));
+        fill_row(row, run.end, w, Pixel(0));
+        done = 1;
+      }
+      fill_row(row, run.begin, run.end, static_cast<Pixel>(255));
+    }
+  }
+  for (int v = 0; v < h; ++v) {
+    if (written[static_cast<std::size_t>(v)] == 0) fill_run(mask, {v, 0, w}, Pixel(0));
+  }
 }
 
 template <class D, class Barrier, class Criterion, class Mask>
@@ -123,11 +150,7 @@ RegionGrowingResult grow_regions(const D& depth, const Barrier& barrier, std::sp
     }
   }
   drop_excess(share(options.max_total_fraction), w, workspace, result);
-  for (int v = 0; v < h; ++v) fill_run(mask, {v, 0, w}, typename Mask::Pixel(0));
-  for (const auto& region : workspace.regions) {
-    for (std::size_t i = region.begin; i < region.begin + region.runs; ++i)
-      fill_run(mask, workspace.runs[i], static_cast<typename Mask::Pixel>(255));
-  }
+  write_regions(workspace, mask);
   return result;
 }
 }  // namespace detail

@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kSmallest = 80;        // pixels: less is no object
 constexpr int kFlowLevels = 3;       // of the pyramid that corners are followed in
-constexpr int kTrusted = 3;            // pixels from a mask's rim from which the network is trusted
+constexpr int kTrusted = 3;          // pixels from a mask's rim from which the network is trusted
 const cv::Size kFlowWindow(21, 21);  // around a corner
 
 float median_of(std::vector<float>& values) {
@@ -36,6 +36,25 @@ cv::Mat square(int radius) {
 cv::Rect grown(const cv::Rect& box, int margin, cv::Size image) {
   return cv::Rect(box.x - margin, box.y - margin, box.width + 2 * margin, box.height + 2 * margin) &
          cv::Rect({0, 0}, image);
+}
+
+/// A distance in whole pixels, rounded as cv::warpAffine() does it.
+int whole(float distance) {
+  return -((cvRound(-1024.0 * static_cast<double>(distance)) + 512) >> 10);
+}
+
+/// Whether somebody else refers to the same memory.
+bool shared(const std::vector<cv::Mat>& images) {
+  return std::any_of(images.begin(), images.end(),
+                     [](const cv::Mat& m) { return m.u != nullptr && m.u->refcount > 1; });
+}
+
+/// A mask as part of an image of another size, 0 around it.
+cv::Mat placed(const cv::Mat& mask, cv::Point at, cv::Size size) {
+  cv::Mat image = cv::Mat::zeros(size, CV_8UC1);
+  const cv::Rect inside = cv::Rect(at, mask.size()) & cv::Rect({0, 0}, size);
+  if (!inside.empty()) mask(inside - at).copyTo(image(inside));
+  return image;
 }
 
 /// The rectangles of the instances 1 to the highest one; empty ones where there is none.
@@ -134,9 +153,12 @@ bool MaskKeeper::outdated(Kept& kept, double t) const {
 
 std::vector<cv::Point2f> MaskKeeper::corners_of(const Kept& kept) const {
   constexpr int kReach = 8;  // pixels beside a corner that say whether it is one, and more
-  const cv::Rect box = grown(kept.at, kReach, gray_.size());
+  // Corners are on the mask; what it may ever cover reaches much further.
+  const cv::Rect on = cv::boundingRect(kept.mask);
+  if (on.empty()) return {};
+  const cv::Rect there = on + kept.at.tl(), box = grown(there, kReach, gray_.size());
   cv::Mat mask = cv::Mat::zeros(box.size(), CV_8UC1);
-  kept.mask.copyTo(mask(kept.at - box.tl()));
+  kept.mask(on).copyTo(mask(there - box.tl()));
   std::vector<cv::Point2f> corners;
   cv::goodFeaturesToTrack(gray_(box), corners, options_.points, 0.005, 5, mask);
   for (cv::Point2f& p : corners) p += cv::Point2f(box.tl());
@@ -175,20 +197,21 @@ bool MaskKeeper::carry(Kept& kept, const std::vector<cv::Mat>& pyramid, const cv
                        kept.at.height);
   const cv::Rect box = grown(there, options_.band + 2, gray_.size());
   if (box.empty()) return false;
-  const cv::Matx23f M(1, 0, shift.x + static_cast<float>(kept.at.x - box.x), 0, 1,
-                      shift.y + static_cast<float>(kept.at.y - box.y));
-  cv::Mat moved, most, reach;
-  cv::warpAffine(kept.mask, moved, M, box.size(), cv::INTER_NEAREST);
-  cv::warpAffine(kept.reach, most, M, box.size(), cv::INTER_NEAREST);
+  const cv::Point offset(whole(shift.x + static_cast<float>(kept.at.x - box.x)),
+                         whole(shift.y + static_cast<float>(kept.at.y - box.y)));
+  cv::Mat moved = placed(kept.mask, offset, box.size()), most = placed(kept.reach, offset, box.size()), reach;
   cv::dilate(moved, reach, square(options_.band));
   cv::bitwise_and(reach, most, reach);
+  const float margin = options_.depth_margin;
   for (int v = 0; v < moved.rows; ++v) {
     auto* m = moved.ptr<std::uint8_t>(v);
     const auto* r = reach.ptr<std::uint8_t>(v);
     const auto* z = depth.ptr<float>(v + box.y) + box.x;
     for (int u = 0; u < moved.cols; ++u) {
-      if (r[u] == 0 || !is_valid_depth(z[u])) continue;
-      m[u] = std::abs(z[u] - now) < options_.depth_margin ? 255 : 0;
+      // Without branches, so that the loop is of vectors.
+      const bool decides = (r[u] != 0) & is_valid_depth(z[u]);
+      const std::uint8_t own = std::abs(z[u] - now) < margin ? 255 : 0, was = m[u];
+      m[u] = decides ? own : was;
     }
   }
   if (cv::countNonZero(moved) < kSmallest) return false;
@@ -225,8 +248,14 @@ Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gr
       next.push_back(std::move(part));
     }
   }
-  std::vector<cv::Mat> pyramid;
-  if (!kept_.empty() || !next.empty()) cv::buildOpticalFlowPyramid(gray, pyramid, kFlowWindow, kFlowLevels);
+  const bool follows = !kept_.empty() || !next.empty();
+  if (follows) {
+    // Into the memory of the last but one, which is never the caller's image; a copy of the keeper may have
+    // it.
+    if (shared(next_pyramid_)) next_pyramid_.clear();
+    cv::buildOpticalFlowPyramid(gray, next_pyramid_, kFlowWindow, kFlowLevels, true, cv::BORDER_REFLECT_101,
+                                cv::BORDER_CONSTANT, false);
+  }
   cv::Mat all = seen.clone();
   int covered = cv::countNonZero(all);
   carried_ = 0;
@@ -236,7 +265,7 @@ Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gr
   };
   for (Kept& k : kept_) {
     if (found_again(k)) continue;
-    if (outdated(k, t) || !carry(k, pyramid, depth) || found_again(k)) continue;
+    if (outdated(k, t) || !carry(k, next_pyramid_, depth) || found_again(k)) continue;
     const int more = cv::countNonZero(k.mask & ~all(k.at));
     if (covered + more > most_cover) continue;  // it cannot be right
     all(k.at) |= k.mask;
@@ -246,7 +275,7 @@ Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gr
   }
   kept_ = std::move(next);
   gray_ = gray;
-  pyramid_ = std::move(pyramid);
+  if (follows) std::swap(pyramid_, next_pyramid_);
   out.dynamic = all;
   // What moves never becomes furniture, nor the other way round.
   out.labels.setTo(static_cast<int>(Label::person), all);

@@ -60,8 +60,9 @@ class MaskKeeper {
 
   MaskKeeperOptions options_;
   std::vector<Kept> kept_;
-  cv::Mat gray_;                  // of the last call
-  std::vector<cv::Mat> pyramid_;  // of it, where there was something to carry
+  cv::Mat gray_;                       // of the last call
+  std::vector<cv::Mat> pyramid_;       // of it, where there was something to carry
+  std::vector<cv::Mat> next_pyramid_;  // memory for the next one
   int carried_ = 0;
 };
 
