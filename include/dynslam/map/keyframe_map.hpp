@@ -226,7 +226,8 @@ class KeyframeMap {
   /// @param votes   one per keyframe
   void count_shared(std::span<const int> points, std::vector<int>& votes) const {
     DYNSLAM_ASSERT(votes.size() == keyframes_.size(), "every keyframe has a vote");
-    for (const int p : points) {
+    for (const int& p : points) {
+      expect_after(p, points);
       if (p < 0 || point(p).bad) continue;
       for (const int k : point(p).keyframes) ++votes[static_cast<std::size_t>(k)];
     }
@@ -269,7 +270,8 @@ class KeyframeMap {
     stamp_.resize(points_.size(), 0);
     ++present_;
     for (const auto& [shared, k] : neighbours_) {
-      for (const int p : keyframe(k).frame.point) {
+      for (const int& p : keyframe(k).frame.point) {
+        expect_after(p, keyframe(k).frame.point);
         if (p < 0 || stamp_[static_cast<std::size_t>(p)] == present_ || point(p).bad) continue;
         stamp_[static_cast<std::size_t>(p)] = present_;
         ids.push_back(p);
@@ -338,6 +340,11 @@ class KeyframeMap {
   }
 
  private:
+  /// Asks for what is looked at of the eighth of `points` after `p`, which is one of them.
+  void expect_after(const int& p, std::span<const int> points) const {
+    if (points.data() + points.size() - &p > 8 && (&p)[8] >= 0) detail::prefetch(&point((&p)[8]).bad);
+  }
+
   void unsee(int id, int keyframe) {
     PointType& p = point(id);
     std::erase(p.keyframes, keyframe);

@@ -6,12 +6,14 @@
 #include <cmath>
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "dynslam/concepts/camera.hpp"
 #include "dynslam/concepts/image.hpp"
+#include "dynslam/config.hpp"
 #include "dynslam/features/feature_placer.hpp"
 #include "dynslam/features/guided_match.hpp"
 #include "dynslam/features/patch_matcher.hpp"
@@ -99,6 +101,11 @@ class LocalMatcher {
     distance_.assign(frame.features.size(), kNoMatch);
     int matches = 0;
     for (std::size_t i = 0; i < last.features.size(); ++i) {
+      if (i + kAhead < last.features.size() && last.point[i + kAhead] >= 0) {
+        const auto& later = map.point(last.point[i + kAhead]);
+        detail::prefetch(&later.p_w);
+        detail::prefetch(&later.bad);
+      }
       const int id = map.present(last.point[i]);
       if (id < 0 || last.dynamic[i] != 0) continue;
       const auto x = placer_.pinhole().project(T_c_w * map.point(id).p_w);
@@ -126,7 +133,9 @@ class LocalMatcher {
       Feature& f = frame.features[i];
       const auto& p = map.point(frame.point[i]);
       const Vector2 start(static_cast<S>(f.u), static_cast<S>(f.v));
-      if (const auto match = align(map, p, T_c_w, T_c_w * p.p_w, start, pyramid)) move(f, *match, depth);
+      if (p.patch.level < 0) continue;
+      const Matrix3 R = turn(map, p.patch.keyframe, T_c_w);
+      if (const auto match = align(p, R, T_c_w * p.p_w, start, pyramid)) move(f, *match, depth);
     }
   }
 
@@ -137,9 +146,12 @@ class LocalMatcher {
   int match_local(Map& map, const SE3<S>& T_c_w, const P& pyramid, const D& depth, Frame<S>& frame) {
     map.local_points(frame, options_.keyframes, candidates_);
     hold(map, frame);
+    forget_turns(map);
     const Vector3 centre = T_c_w.inverse().translation();
     int matches = 0;
-    for (const int id : candidates_) {
+    for (std::size_t k = 0; k < candidates_.size(); ++k) {
+      if (k + kAhead < candidates_.size()) detail::prefetch_object(map.point(candidates_[k + kAhead]));
+      const int id = candidates_[k];
       auto& p = map.point(id);
       const auto seen = expect(p, T_c_w, centre);
       if (!seen) continue;
@@ -147,7 +159,9 @@ class LocalMatcher {
       if (held < 0) ++p.visible;
       // Its patch says where it is to a fraction of a pixel.
       const auto start = placer_.project(seen->p_c);
-      const auto match = start ? align(map, p, T_c_w, seen->p_c, *start, pyramid) : std::nullopt;
+      const auto match = start && p.patch.level >= 0
+                             ? align(p, turn_from(map, p.patch.keyframe, T_c_w), seen->p_c, *start, pyramid)
+                             : std::nullopt;
       if (match) {
         matches += take_patch(p, id, held, *match, depth, frame) ? 1 : 0;
       } else if (held < 0) {
@@ -159,6 +173,12 @@ class LocalMatcher {
 
  private:
   static constexpr int kNoMatch = kDescriptorBits + 1, kSettled = -1;
+  static constexpr std::size_t kAhead = 3;  // candidates that are asked for before they are looked at
+
+  struct Turn {
+    Matrix3 R = Matrix3::Identity();
+    std::uint64_t since = 0;  // the turns_known_ of which it is
+  };
 
   /// A point as it is expected in the image.
   struct Sight {
@@ -199,17 +219,35 @@ class LocalMatcher {
   }
 
   /// Finds a point by its patch, near the recorded pixel `start`.
-  template <class Map, class Point, ImagePyramidLike P>
-  [[nodiscard]] std::optional<PatchMatch<S>> align(const Map& map, const Point& p, const SE3<S>& T_c_w,
-                                                   const Vector3& p_c, const Vector2& start,
-                                                   const P& pyramid) const {
-    if (p.patch.level < 0) return std::nullopt;
-    const SE3<S> T_ref_w = map.pose(p.patch.keyframe);
-    const Matrix3 R = (T_c_w.so3() * T_ref_w.so3().inverse()).matrix();
+  /// @param R  rotation from the camera that cut the patch to the present one
+  template <class Point, ImagePyramidLike P>
+  [[nodiscard]] std::optional<PatchMatch<S>> align(const Point& p, const Matrix3& R, const Vector3& p_c,
+                                                   const Vector2& start, const P& pyramid) const {
     const Vector3 p_ref =
         placer_.pinhole().ray(p.patch.ideal.template cast<S>()) * static_cast<S>(p.patch.depth);
     const auto warp = patch_warp(placer_.pinhole(), p_ref, p_c, R);
     return warp ? match_patch<S>(pyramid, p.patch, *warp, start) : std::nullopt;
+  }
+
+  template <class Map>
+  void forget_turns(const Map& map) {
+    turns_.resize(map.keyframes().size());
+    ++turns_known_;
+  }
+  /// Rotation from a keyframe's camera to the present one.
+  template <class Map>
+  [[nodiscard]] static Matrix3 turn(const Map& map, int keyframe, const SE3<S>& T_c_w) {
+    return (T_c_w.so3() * map.pose(keyframe).so3().inverse()).matrix();
+  }
+  /// The same, made once per keyframe and frame: the pose of a dropped one hangs on others.
+  template <class Map>
+  [[nodiscard]] const Matrix3& turn_from(const Map& map, int keyframe, const SE3<S>& T_c_w) {
+    Turn& known = turns_[static_cast<std::size_t>(keyframe)];
+    if (known.since != turns_known_) {
+      known.R = turn(map, keyframe, T_c_w);
+      known.since = turns_known_;
+    }
+    return known.R;
   }
 
   template <DepthImage D>
@@ -290,6 +328,8 @@ class LocalMatcher {
   std::vector<float> scales_;
   std::size_t extracted_ = 0;
   std::vector<int> candidates_, distance_, holder_;
+  std::vector<Turn> turns_;  // per keyframe
+  std::uint64_t turns_known_ = 0;
 };
 
 }  // namespace dynslam

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "dynslam/concepts/camera.hpp"
+#include "dynslam/config.hpp"
 #include "dynslam/features/feature.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/geometry/rolling_shutter.hpp"
@@ -45,7 +46,10 @@ class MatchedPose {
   void gather(const Map& map, const Frame<S>& frame) {
     observations_.clear();
     feature_.clear();
+    constexpr std::size_t kAhead = 8;
     for (std::size_t i = 0; i < frame.features.size(); ++i) {
+      if (i + kAhead < frame.features.size() && frame.point[i + kAhead] >= 0)
+        detail::prefetch(&map.point(frame.point[i + kAhead]).p_w);
       if (frame.point[i] < 0 || frame.dynamic[i] != 0) continue;
       observations_.push_back(
           observe(frame.features[i], map.point(frame.point[i]).p_w, options_.depth_noise));

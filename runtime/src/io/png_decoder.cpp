@@ -2,6 +2,9 @@
 #include "io/png_decoder.hpp"
 
 #include <libdeflate.h>
+#ifdef __x86_64__
+#include <tmmintrin.h>
+#endif
 
 #include <algorithm>
 #include <array>
@@ -51,11 +54,52 @@ int paeth(int left, int up, int corner) {
   return to_left <= to_up && to_left <= to_corner ? left : to_up <= to_corner ? up : corner;
 }
 
+#ifdef __x86_64__
+/// Adds to each byte that of the pixel before, 16 bytes at a time: shifted sums within them, and to all of
+/// them the last pixel of those before.
+/// @return pixels that are done; those at the end of the row are not
+template <int PixelBytes>
+[[gnu::target("ssse3")]] std::size_t add_left_pixels(std::uint8_t* row, std::size_t pixels) {
+  constexpr int kPixels = 16 / PixelBytes, kLast = (kPixels - 1) * PixelBytes;
+  const auto load = [](const std::uint8_t* at) {
+    return _mm_loadu_si128(reinterpret_cast<const __m128i*>(at));
+  };
+  const auto store = [](std::uint8_t* at, __m128i bytes) {
+    _mm_storeu_si128(reinterpret_cast<__m128i*>(at), bytes);
+  };
+  std::array<std::uint8_t, 16> from_last;
+  for (std::size_t i = 0; i < 16; ++i) from_last[i] = static_cast<std::uint8_t>(kLast + i % PixelBytes);
+  const __m128i spread = load(from_last.data());
+  __m128i before = _mm_setzero_si128();
+  std::size_t done = 0;
+  if (pixels < 3 * kPixels) return 0;
+  __m128i next = load(row);
+  for (; done + 3 * kPixels <= pixels; done += kPixels, row += kPixels * PixelBytes) {
+    __m128i sum = next;
+    next = load(row + kPixels * PixelBytes);  // before a byte too many is stored there
+    sum = _mm_add_epi8(sum, _mm_slli_si128(sum, PixelBytes));
+    sum = _mm_add_epi8(sum, _mm_slli_si128(sum, 2 * PixelBytes));
+    sum = _mm_add_epi8(sum, _mm_slli_si128(sum, 4 * PixelBytes));
+    if constexpr (PixelBytes == 1) sum = _mm_add_epi8(sum, _mm_slli_si128(sum, 8));
+    sum = _mm_add_epi8(sum, before);
+    before = _mm_shuffle_epi8(sum, spread);
+    store(row, sum);
+  }
+  store(row, next);
+  return done;
+}
+bool adds_left_pixels() {
+  static const bool can = __builtin_cpu_supports("ssse3") != 0;
+  return can;
+}
+#endif
+
 /// Adds what `predict(left, up, corner)` says to each byte. The bytes of a pixel are kept in registers: each
 /// depends on that of the pixel before.
 template <int PixelBytes, class Predict>
-void undo(std::uint8_t* row, const std::uint8_t* above, std::size_t pixels, const Predict& predict) {
-  std::array<int, PixelBytes> left{}, corner{};
+void undo(std::uint8_t* row, const std::uint8_t* above, std::size_t pixels, const Predict& predict,
+          std::array<int, PixelBytes> left = {}) {
+  std::array<int, PixelBytes> corner{};
   for (std::size_t x = 0; x < pixels; ++x, row += PixelBytes, above += PixelBytes) {
     for (int k = 0; k < PixelBytes; ++k) {
       const auto i = static_cast<std::size_t>(k);
@@ -67,6 +111,19 @@ void undo(std::uint8_t* row, const std::uint8_t* above, std::size_t pixels, cons
   }
 }
 
+template <int PixelBytes>
+void undo_left(std::uint8_t* row, const std::uint8_t* above, std::size_t pixels) {
+  std::size_t done = 0;
+#ifdef __x86_64__
+  if (adds_left_pixels()) done = add_left_pixels<PixelBytes>(row, pixels);
+#endif
+  row += done * PixelBytes;
+  std::array<int, PixelBytes> left{};
+  if (done > 0) std::copy(row - PixelBytes, row, left.begin());
+  undo<PixelBytes>(
+      row, above, pixels - done, [](int before, int, int) { return before; }, left);
+}
+
 /// @param row  as stored, then as it was @param above  the row above, zeros where there is none
 template <int PixelBytes>
 bool unfilter(int filter, std::uint8_t* row, const std::uint8_t* above, std::size_t pixels) {
@@ -74,7 +131,7 @@ bool unfilter(int filter, std::uint8_t* row, const std::uint8_t* above, std::siz
     case 0:
       return true;
     case 1:
-      undo<PixelBytes>(row, above, pixels, [](int left, int, int) { return left; });
+      undo_left<PixelBytes>(row, above, pixels);
       return true;
     case 2:
       for (std::size_t i = 0; i < pixels * PixelBytes; ++i)

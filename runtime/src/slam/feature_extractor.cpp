@@ -2,7 +2,10 @@
 #include "dynslam/runtime/slam/feature_extractor.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <opencv2/imgproc.hpp>
 #include <span>
@@ -15,31 +18,58 @@ namespace {
 constexpr int kHalfPatch = 15;  // ORB's orientation and descriptor patch is 31 x 31
 constexpr int kBorder = 19;     // the rotated descriptor pattern reaches this far
 
+/// What the pixels around a keypoint weigh in the moments of its patch: per row below the middle one, so many
+/// bytes from kHalfPatch + 1 pixels to the left on; 0 outside the circle.
+struct CentroidWeights {
+  static constexpr std::size_t kWidth = 2 * (kHalfPatch + 1);
+  struct Row {
+    std::array<std::int16_t, kWidth> x, y;
+  };
+  std::array<Row, kHalfPatch + 1> rows{};
+
+  CentroidWeights() {
+    for (int y = 0; y <= kHalfPatch; ++y) {
+      const int half = static_cast<int>(std::lround(std::sqrt(kHalfPatch * kHalfPatch - y * y)));
+      Row& row = rows[static_cast<std::size_t>(y)];
+      for (int x = -half; x <= half; ++x) {
+        const auto at = static_cast<std::size_t>(x + kHalfPatch + 1);
+        row.x[at] = static_cast<std::int16_t>(x);
+        row.y[at] = static_cast<std::int16_t>(y);
+      }
+    }
+  }
+};
+
 /// Angle of the intensity centroid in degrees, [0, 360) (Rublee et al. 2011).
-float centroid_angle(const cv::Mat& image, int u, int v, const std::vector<int>& circle) {
+float centroid_angle(const cv::Mat& image, int u, int v) {
+  static const CentroidWeights weights;
   int m01 = 0, m10 = 0;
   const auto step = static_cast<std::ptrdiff_t>(image.step1());
-  const std::uint8_t* centre = image.ptr<std::uint8_t>(v) + u;
-  for (int x = -kHalfPatch; x <= kHalfPatch; ++x) m10 += x * centre[x];
+  const std::uint8_t* first = image.ptr<std::uint8_t>(v) + u - (kHalfPatch + 1);
+  for (std::size_t x = 0; x < CentroidWeights::kWidth; ++x) m10 += weights.rows[0].x[x] * first[x];
   for (int y = 1; y <= kHalfPatch; ++y) {
-    int row_difference = 0;
-    const int half = circle[static_cast<std::size_t>(y)];
-    const std::uint8_t* below = centre + y * step;
-    const std::uint8_t* above = centre - y * step;
-    for (int x = -half; x <= half; ++x) {
-      row_difference += below[x] - above[x];
-      m10 += x * (below[x] + above[x]);
+    const CentroidWeights::Row& row = weights.rows[static_cast<std::size_t>(y)];
+    const std::uint8_t* below = first + y * step;
+    const std::uint8_t* above = first - y * step;
+    for (std::size_t x = 0; x < CentroidWeights::kWidth; ++x) {
+      m10 += row.x[x] * static_cast<std::int16_t>(below[x] + above[x]);
+      m01 += row.y[x] * static_cast<std::int16_t>(below[x] - above[x]);
     }
-    m01 += y * row_difference;
   }
   return cv::fastAtan2(static_cast<float>(m01), static_cast<float>(m10));
 }
 
-/// Strongest first; ties by position so that the order does not depend on the sort.
-bool stronger(const cv::KeyPoint& a, const cv::KeyPoint& b) {
-  if (a.response != b.response) return a.response > b.response;
-  if (a.pt.y != b.pt.y) return a.pt.y < b.pt.y;
-  return a.pt.x < b.pt.x;
+/// Corners of a cell in the order of their numbers: strongest first; ties by position, so that the order does
+/// not depend on the sort.
+std::uint64_t rank_of(const FastCorner& corner) {
+  return std::uint64_t{255U - static_cast<unsigned>(corner.score)} << 56U |
+         std::uint64_t{static_cast<unsigned>(corner.v)} << 28U | static_cast<unsigned>(corner.u);
+}
+cv::KeyPoint keypoint_of(std::uint64_t rank) {
+  constexpr unsigned kSide = (1U << 28U) - 1;
+  constexpr float kDiameter = 7;  // of FAST's ring [px]
+  return {static_cast<float>(rank & kSide), static_cast<float>(rank >> 28U & kSide), kDiameter, -1,
+          static_cast<float>(255U - static_cast<unsigned>(rank >> 56U))};
 }
 
 /// Shares features out among the levels of a pyramid, in proportion to their scales; levels that are too
@@ -71,9 +101,6 @@ FeatureExtractor::FeatureExtractor(const FeatureOptions& options) : options_(opt
     scales_.push_back(scale);
     scale *= options_.scale_factor;
   }
-  for (int y = 0; y <= kHalfPatch; ++y) {
-    circle_.push_back(static_cast<int>(std::lround(std::sqrt(kHalfPatch * kHalfPatch - y * y))));
-  }
   // It sees each of our levels as an image of its own: from the whole image it would make all of them once
   // more.
   orb_ = cv::ORB::create(options_.features, options_.scale_factor, 1, kBorder, 0, 2, cv::ORB::FAST_SCORE,
@@ -89,16 +116,12 @@ void FeatureExtractor::detect_level(const cv::Mat& image, int wanted) {
 
   cells_.resize(static_cast<std::size_t>(columns * rows));
   for (auto& cell : cells_) cell.clear();
-  // FAST itself ignores a rim of 3 pixels, so the searched window is that much larger.
   const cv::Rect inner(kBorder, kBorder, width, height);
-  const cv::Rect window(inner.x - 3, inner.y - 3, inner.width + 6, inner.height + 6);
-  cv::FAST(image(window), corners_, options_.fast_threshold, true);
-  for (cv::KeyPoint& k : corners_) {
-    const int c = std::clamp(static_cast<int>((k.pt.x - 3.0F) / cell_w), 0, columns - 1);
-    const int r = std::clamp(static_cast<int>((k.pt.y - 3.0F) / cell_h), 0, rows - 1);
-    k.pt.x += static_cast<float>(window.x);
-    k.pt.y += static_cast<float>(window.y);
-    cells_[static_cast<std::size_t>(r * columns + c)].push_back(k);
+  fast_.find(image, inner, std::clamp(options_.fast_threshold, 0, 255), corners_);
+  for (const FastCorner& k : corners_) {
+    const int c = std::clamp(static_cast<int>(static_cast<float>(k.u - inner.x) / cell_w), 0, columns - 1);
+    const int r = std::clamp(static_cast<int>(static_cast<float>(k.v - inner.y) / cell_h), 0, rows - 1);
+    cells_[static_cast<std::size_t>(r * columns + c)].push_back(rank_of(k));
   }
   for (int r = 0; r < rows; ++r) {
     for (int c = 0; c < columns; ++c) {
@@ -108,13 +131,9 @@ void FeatureExtractor::detect_level(const cv::Mat& image, int wanted) {
       const int y0 = inner.y + static_cast<int>(static_cast<float>(r) * cell_h);
       const int x1 = inner.x + static_cast<int>(static_cast<float>(c + 1) * cell_w);
       const int y1 = inner.y + static_cast<int>(static_cast<float>(r + 1) * cell_h);
-      const cv::Rect part(x0 - 3, y0 - 3, x1 - x0 + 6, y1 - y0 + 6);
-      cv::FAST(image(part), cell_corners_, options_.fast_threshold_low, true);
-      for (cv::KeyPoint& k : cell_corners_) {
-        k.pt.x += static_cast<float>(part.x);
-        k.pt.y += static_cast<float>(part.y);
-        cell.push_back(k);
-      }
+      fast_.find(image, cv::Rect(x0, y0, x1 - x0, y1 - y0), std::clamp(options_.fast_threshold_low, 0, 255),
+                 corners_);
+      for (const FastCorner& k : corners_) cell.push_back(rank_of(k));
     }
   }
 
@@ -127,12 +146,11 @@ void FeatureExtractor::detect_level(const cv::Mat& image, int wanted) {
     share = trial;
   }
   for (auto& cell : cells_) {
-    std::sort(cell.begin(), cell.end(), stronger);
-    if (cell.size() > share) cell.resize(share);
-    for (cv::KeyPoint& k : cell) {
-      k.angle = centroid_angle(image, static_cast<int>(k.pt.x), static_cast<int>(k.pt.y), circle_);
-      k.octave = 0;
-      level_keypoints_.push_back(k);
+    const auto taken = cell.begin() + static_cast<std::ptrdiff_t>(std::min(cell.size(), share));
+    std::partial_sort(cell.begin(), taken, cell.end());
+    for (auto at = cell.begin(); at != taken; ++at) {
+      cv::KeyPoint& k = level_keypoints_.emplace_back(keypoint_of(*at));
+      k.angle = centroid_angle(image, static_cast<int>(k.pt.x), static_cast<int>(k.pt.y));
     }
   }
 }

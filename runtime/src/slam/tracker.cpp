@@ -337,8 +337,11 @@ void Tracker::pose_without_movers(Present& now) {
   Frame& frame = now.frame;
   // A feature is a patch: at the rim of a mover half of it moves.
   std::vector<std::vector<std::uint8_t>> masks(now.semantic.empty() ? 1 : 2);
-  const cv::Mat moving = widened(now.moving, options_.feature_margin);
-  for (auto& mask : masks) flag(frame, moving, mask);
+  if (cv::countNonZero(now.moving) > 0) {
+    const cv::Mat moving = widened(now.moving, options_.feature_margin);
+    for (auto& mask : masks) flag(frame, moving, mask);
+  }
+  for (auto& mask : masks) mask.resize(frame.features.size(), 0);
   if (!now.semantic.empty()) {
     flag(frame, widened(now.result.dynamic_mask, options_.feature_margin), masks[0]);
     for (std::size_t i = 0; i < frame.dynamic.size(); ++i) masks[0][i] |= frame.dynamic[i];
@@ -371,7 +374,7 @@ void Tracker::pose_without_movers(Present& now) {
 void Tracker::doubt_recent_movers(Present& now) {
   Frame& frame = now.frame;
   if (options_.method == Method::full && !last_moving_.empty()) {
-    const cv::Mat gone = pieces(last_moving_ & ~now.moving, options_.vanished_piece);
+    const cv::Mat gone = vanished_pieces(last_moving_, now.moving, options_.vanished_piece);
     if (!gone.empty()) {
       recent_flags_.assign(frame.features.size(), 0);
       flag(frame, last_moving_, recent_flags_);

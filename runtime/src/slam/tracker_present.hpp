@@ -55,10 +55,14 @@ inline cv::Mat widened(const cv::Mat& mask, int margin) {
   return result;
 }
 
-/// What of a mask is wider than a share of the image's width; empty: nothing. Found at a quarter of the size.
-inline cv::Mat pieces(const cv::Mat& mask, double share) {
-  cv::Mat small;
+/// What of a mask is not on the next one and wider than a share of the image's width; empty: nothing. Found
+/// at a quarter of the size.
+inline cv::Mat vanished_pieces(const cv::Mat& mask, const cv::Mat& next, double share) {
+  cv::Mat small, still;
   cv::resize(mask, small, {}, 0.25, 0.25, cv::INTER_NEAREST);
+  if (cv::countNonZero(small) == 0) return {};
+  cv::resize(next, still, {}, 0.25, 0.25, cv::INTER_NEAREST);
+  small.setTo(0, still);
   const int width = std::max(1, static_cast<int>(std::lround(share * small.cols)));
   cv::morphologyEx(small, small, cv::MORPH_OPEN, cv::getStructuringElement(cv::MORPH_RECT, {width, width}));
   cv::Mat result;

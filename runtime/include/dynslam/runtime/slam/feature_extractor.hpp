@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
 #include <span>
 #include <vector>
 
+#include "dynslam/runtime/slam/fast_corners.hpp"
 #include "dynslam/runtime/slam/image_pyramid.hpp"
 #include "dynslam/runtime/slam/types.hpp"
 
@@ -56,11 +58,12 @@ class FeatureExtractor {
 
   FeatureOptions options_;
   std::vector<float> scales_;
-  std::vector<int> circle_;  // half width of the orientation patch per row
   cv::Ptr<cv::ORB> orb_;
-  std::vector<cv::KeyPoint> corners_, cell_corners_, level_keypoints_;
+  FastCorners fast_;
+  std::vector<FastCorner> corners_;
+  std::vector<std::vector<std::uint64_t>> cells_;  // corners, the smaller the stronger
+  std::vector<cv::KeyPoint> level_keypoints_;
   cv::Mat level_descriptors_;
-  std::vector<std::vector<cv::KeyPoint>> cells_;
 };
 
 }  // namespace dynslam::runtime
