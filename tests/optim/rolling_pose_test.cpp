@@ -16,26 +16,26 @@ using namespace dynslam;
 
 namespace {
 
-constexpr int kHeight = 480;
+constexpr int kRollingRows = 480;
 
 /// A desk, near below and far above, seen by a camera that turns by `turn` while it reads its rows, and
 /// placed as if it did not.
 template <class S>
-struct Sights {
+struct RollingSights {
   Pinhole<S> camera{S(525), S(525), S(319.5), S(239.5)};
   SE3<S> truth;
   std::vector<PoseObservation<S>> observations;
   std::vector<S> share, rows;
   std::vector<Eigen::Matrix<S, 3, 1>> recorded;  // in the camera's frame, by its row
 
-  explicit Sights(const Eigen::Vector3d& turn, double noise = 0.2, int n = 300) {
+  explicit RollingSights(const Eigen::Vector3d& turn, double noise = 0.2, int n = 300) {
     test::Rng random("rolling pose");
     Eigen::Matrix<S, 6, 1> place;
     place << S(0.1), S(-0.2), S(0.05), S(0.1), S(-0.05), S(0.2);
     truth = SE3<S>::exp(place);
     Eigen::Matrix<S, 6, 1> motion = Eigen::Matrix<S, 6, 1>::Zero();
     motion.template tail<3>() = turn.cast<S>();
-    const RollingShutter<S> shutter(motion, kHeight);
+    const RollingShutter<S> shutter(motion, kRollingRows);
     while (static_cast<int>(observations.size()) < n) {
       const double v = random.uniform(10, 470);
       const S z = S(2.2 - v / 400 + random.uniform(-0.1, 0.1));
@@ -66,17 +66,17 @@ struct Sights {
   }
 };
 
-const Eigen::Vector3d kTurn(0.006, -0.004, 0.005);
+const Eigen::Vector3d kShearingTurn(0.006, -0.004, 0.005);
 
 }  // namespace
 
 TEST_CASE_TEMPLATE("a turn during the readout is found, and no longer taken for a shift", S, float, double) {
-  const Sights<S> sights(kTurn);
+  const RollingSights<S> sights(kShearingTurn);
   const TurnPrior<S> open{.sigma = S(0.05)};
   const auto still = sights.still(), rolling = sights.rolling(open);
   REQUIRE(still.ok());
   REQUIRE(rolling.ok());
-  CHECK((rolling.turn.template cast<double>() - kTurn).norm() < 5e-4);
+  CHECK((rolling.turn.template cast<double>() - kShearingTurn).norm() < 5e-4);
   CHECK(rolling.inliers > 280);
   CHECK(sights.shift(still) > 0.003);  // millimetres, by 2 mrad above and below the middle
   CHECK(sights.shift(rolling) < 0.0006);
@@ -86,20 +86,20 @@ TEST_CASE_TEMPLATE("a turn during the readout is found, and no longer taken for 
 }
 
 TEST_CASE_TEMPLATE("a prior that is sure of itself decides, in the mean as elsewhere", S, float, double) {
-  const Sights<S> sights(kTurn);
+  const RollingSights<S> sights(kShearingTurn);
   const auto still = sights.still();
   const auto sure = sights.rolling({.sigma = S(1e-7)});
   REQUIRE(sure.ok());
   CHECK(sure.turn.norm() < S(1e-5));
   CHECK(static_cast<double>((sure.T_c_w * still.T_c_w.inverse()).log().norm()) < 1e-3);
-  const auto told = sights.rolling({.mean = kTurn.cast<S>(), .sigma = S(1e-7)});
+  const auto told = sights.rolling({.mean = kShearingTurn.cast<S>(), .sigma = S(1e-7)});
   REQUIRE(told.ok());
-  CHECK((told.turn.template cast<double>() - kTurn).norm() < 1e-5);
+  CHECK((told.turn.template cast<double>() - kShearingTurn).norm() < 1e-5);
   CHECK(sights.shift(told) < 0.0006);
 }
 
 TEST_CASE("the turn is the one for which observations brought to the middle row fit one pose best") {
-  const Sights<double> sights(kTurn);
+  const RollingSights<double> sights(kShearingTurn);
   PoseOptions<double> options;
   options.rounds = 1;  // on all of them
   options.max_iterations = 30;
@@ -111,7 +111,7 @@ TEST_CASE("the turn is the one for which observations brought to the middle row 
   const auto cost_of = [&](const Eigen::Vector3d& turn) {  // the oracle: each placed by the shutter itself
     Eigen::Matrix<double, 6, 1> motion = Eigen::Matrix<double, 6, 1>::Zero();
     motion.tail<3>() = turn;
-    const RollingShutter<double> shutter(motion, kHeight);
+    const RollingShutter<double> shutter(motion, kRollingRows);
     auto placed = sights.observations;
     for (std::size_t i = 0; i < placed.size(); ++i) {
       const Eigen::Vector3d p = shutter.to_middle(sights.recorded[i], sights.rows[i]);
@@ -133,17 +133,17 @@ TEST_CASE("the turn is the one for which observations brought to the middle row 
 }
 
 TEST_CASE_TEMPLATE("movers are told from what a turn shears", S, float, double) {
-  Sights<S> sights(kTurn);
+  RollingSights<S> sights(kShearingTurn);
   for (std::size_t i = 0; i < 60; ++i) sights.observations[5 * i].x.x() += S(9);
   const auto result = sights.rolling({.sigma = S(0.05)});
   REQUIRE(result.ok());
-  CHECK((result.turn.template cast<double>() - kTurn).norm() < 8e-4);
+  CHECK((result.turn.template cast<double>() - kShearingTurn).norm() < 8e-4);
   CHECK(result.inliers > 220);
   CHECK(result.inliers < 245);
 }
 
 TEST_CASE("too few observations and nonsense fail as without a turn") {
-  Sights<double> sights(kTurn, 0.2, 20);
+  RollingSights<double> sights(kShearingTurn, 0.2, 20);
   const auto rolling = [&](std::size_t n) {
     return optimize_rolling_pose<double>(sights.camera, std::span(sights.observations).first(n),
                                          std::span(sights.share).first(n), sights.truth);

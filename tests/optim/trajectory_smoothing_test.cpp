@@ -26,7 +26,7 @@ SE3d carried(double t) {
 }
 
 template <class S>
-std::vector<TrackedPose<S>> trajectory(double noise, int n = 200, double rate = 30) {
+std::vector<TrackedPose<S>> carried_poses(double noise, int n = 200, double rate = 30) {
   test::Rng random("trajectory smoothing");
   std::vector<TrackedPose<S>> poses;
   for (int i = 0; i < n; ++i) {
@@ -44,15 +44,15 @@ std::vector<TrackedPose<S>> trajectory(double noise, int n = 200, double rate = 
 
 /// Distance of a centre to where it should be [m].
 template <class S>
-double off(const TrackedPose<S>& pose) {
+double centre_error(const TrackedPose<S>& pose) {
   return (pose.T_c_w.template cast<double>().inverse().translation() -
           carried(pose.t - 1e9).inverse().translation())
       .norm();
 }
 template <class S>
-double rms(std::span<const TrackedPose<S>> poses) {
+double rms_centre_error(std::span<const TrackedPose<S>> poses) {
   double sum = 0;
-  for (const auto& pose : poses) sum += off(pose) * off(pose);
+  for (const auto& pose : poses) sum += centre_error(pose) * centre_error(pose);
   return std::sqrt(sum / static_cast<double>(poses.size()));
 }
 
@@ -64,11 +64,11 @@ TEST_CASE_TEMPLATE("what poses err by themselves is averaged away, at every nois
     for (const double rate : {60.0, 30.0, 10.0}) {
       CAPTURE(noise);
       CAPTURE(rate);
-      auto poses = trajectory<S>(noise, 200, rate);
-      const double before = rms<S>(poses);
+      auto poses = carried_poses<S>(noise, 200, rate);
+      const double before = rms_centre_error<S>(poses);
       const SmoothingResult result = smooth_trajectory<S>(poses);
       REQUIRE(result.ok());
-      CHECK(rms<S>(poses) < (rate > 20 ? 0.55 : 0.8) * before);
+      CHECK(rms_centre_error<S>(poses) < (rate > 20 ? 0.55 : 0.8) * before);
       CHECK(result.noise > 0.8 * before);
       CHECK(result.noise < 1.7 * before);
       CHECK(result.correction < 1.1 * before);
@@ -81,14 +81,14 @@ TEST_CASE_TEMPLATE("exact poses stay where they are, also where a camera makes l
                    double) {
   for (const double rate : {30.0, 5.0}) {
     CAPTURE(rate);
-    auto poses = trajectory<S>(0, 150, rate);
+    auto poses = carried_poses<S>(0, 150, rate);
     REQUIRE(smooth_trajectory<S>(poses).ok());
-    CHECK(rms<S>(poses) < (rate > 20 ? 1e-4 : 1e-3));  // of steps of 6 to 16 cm
+    CHECK(rms_centre_error<S>(poses) < (rate > 20 ? 1e-4 : 1e-3));  // of steps of 6 to 16 cm
   }
 }
 
 TEST_CASE("the smoothed centres and their noise are those of a dense solution that leaves one out") {
-  auto poses = trajectory<double>(0.004, 40);
+  auto poses = carried_poses<double>(0.004, 40);
   for (std::size_t i = 0; i < poses.size(); i += 7) poses[i].covariance *= 4;
   const auto before = poses;
   SmoothingOptions options;
@@ -155,17 +155,17 @@ TEST_CASE_TEMPLATE("a camera that rests and then makes a quick movement makes it
 }
 
 TEST_CASE_TEMPLATE("a pose that is far off pulls none of the others", S, float, double) {
-  auto poses = trajectory<S>(0.002);
+  auto poses = carried_poses<S>(0.002);
   Eigen::Matrix<S, 6, 1> jump = Eigen::Matrix<S, 6, 1>::Zero();
   jump(0) = S(0.1);
   poses[100].T_c_w = SE3<S>::exp(jump) * poses[100].T_c_w;
   REQUIRE(smooth_trajectory<S>(poses).ok());
-  CHECK(off(poses[100]) < 0.01);
-  for (const std::size_t i : {96U, 98U, 99U, 101U, 102U, 104U}) CHECK(off(poses[i]) < 0.004);
+  CHECK(centre_error(poses[100]) < 0.01);
+  for (const std::size_t i : {96U, 98U, 99U, 101U, 102U, 104U}) CHECK(centre_error(poses[i]) < 0.004);
 }
 
 TEST_CASE_TEMPLATE("a pose that states how little it knows counts less", S, float, double) {
-  auto sure = trajectory<S>(0.001), stated = sure;
+  auto sure = carried_poses<S>(0.001), stated = sure;
   test::Rng random("weak stretch");
   for (std::size_t i = 90; i < 102; ++i) {  // a mover fills the view
     Eigen::Matrix<S, 6, 1> error = Eigen::Matrix<S, 6, 1>::Zero();
@@ -176,7 +176,7 @@ TEST_CASE_TEMPLATE("a pose that states how little it knows counts less", S, floa
   REQUIRE(smooth_trajectory<S>(sure).ok());
   REQUIRE(smooth_trajectory<S>(stated).ok());
   const auto stretch = [](const auto& poses) {
-    return rms<S>(std::span<const TrackedPose<S>>(poses).subspan(88, 16));
+    return rms_centre_error<S>(std::span<const TrackedPose<S>>(poses).subspan(88, 16));
   };
   CHECK(stretch(stated) < 0.006);
   CHECK(stretch(stated) < 0.8 * stretch(sure));
@@ -186,7 +186,7 @@ TEST_CASE_TEMPLATE("nothing is known of the motion over a gap or to a place wher
                    float, double) {
   for (const bool gap : {true, false}) {
     CAPTURE(gap);
-    auto poses = trajectory<S>(0.002);
+    auto poses = carried_poses<S>(0.002);
     const SE3<S> elsewhere(SO3<S>(), Eigen::Matrix<S, 3, 1>(S(0.2), S(0), S(0)));
     for (std::size_t i = 100; i < poses.size(); ++i) {
       poses[i].T_c_w = poses[i].T_c_w * elsewhere;
@@ -203,7 +203,7 @@ TEST_CASE_TEMPLATE("nothing is known of the motion over a gap or to a place wher
 }
 
 TEST_CASE_TEMPLATE("a pose is turned as its covariance ties the turn to the shift", S, float, double) {
-  auto poses = trajectory<S>(0.004), free = poses;
+  auto poses = carried_poses<S>(0.004), free = poses;
   for (auto& pose : poses) {  // a wall 2 m ahead: a shift to the right looks like a turn
     pose.covariance(4, 0) = pose.covariance(0, 4) = S(0.4e-6);
     pose.covariance(3, 1) = pose.covariance(1, 3) = S(-0.4e-6);
@@ -223,22 +223,22 @@ TEST_CASE_TEMPLATE("a pose is turned as its covariance ties the turn to the shif
 }
 
 TEST_CASE_TEMPLATE("what cannot be smoothed is left as it is", S, float, double) {
-  auto few = trajectory<S>(0.004, 11);
+  auto few = carried_poses<S>(0.004, 11);
   const auto few_before = few;
   CHECK(smooth_trajectory<S>(few).status == SmoothingStatus::too_few_poses);
   CHECK(few[5].T_c_w.translation() == few_before[5].T_c_w.translation());
-  auto back = trajectory<S>(0.004);
+  auto back = carried_poses<S>(0.004);
   back[50].t = back[49].t;
   CHECK(smooth_trajectory<S>(back).status == SmoothingStatus::not_increasing);
   back[50].t = std::nan("");
   CHECK(smooth_trajectory<S>(back).status == SmoothingStatus::not_increasing);
   CHECK(smooth_trajectory<S>(std::span<TrackedPose<S>>()).status == SmoothingStatus::too_few_poses);
-  auto unknown = trajectory<S>(0.004);  // no covariance anywhere
+  auto unknown = carried_poses<S>(0.004);  // no covariance anywhere
   for (auto& pose : unknown) pose.covariance.setZero();
-  const double before = rms<S>(unknown);
+  const double before = rms_centre_error<S>(unknown);
   CHECK(smooth_trajectory<S>(unknown).ok());
-  CHECK(rms<S>(unknown) < 0.55 * before);
-  auto still = trajectory<S>(0);  // a camera on a table
+  CHECK(rms_centre_error<S>(unknown) < 0.55 * before);
+  auto still = carried_poses<S>(0);  // a camera on a table
   for (auto& pose : still) pose.T_c_w = still[0].T_c_w;
   const auto place = still[0].T_c_w.translation().eval();
   CHECK(smooth_trajectory<S>(still).ok());

@@ -17,9 +17,16 @@ TEST_CASE("of a mask that is gone, a piece counts, and a rim that a mover uncove
           255;
       return mask;
     };
-    CHECK(pieces(part(0), options.vanished_piece).empty());
-    CHECK(pieces(part(0.5 * options.vanished_piece), options.vanished_piece).empty());
-    const cv::Mat piece = pieces(part(3 * options.vanished_piece), options.vanished_piece);
+    const auto pieces = [&](double width, double still) {
+      return vanished_pieces(part(width * options.vanished_piece), part(still * options.vanished_piece),
+                             options.vanished_piece);
+    };
+    CHECK(pieces(0, 0).empty());
+    CHECK(pieces(0.5, 0).empty());
+    CHECK(pieces(3, 3).empty());
+    CHECK(pieces(3, 2.5).empty());
+    CHECK_FALSE(pieces(3, 1).empty());
+    const cv::Mat piece = pieces(3, 0);
     REQUIRE(piece.size() == size);
     CHECK(piece.at<unsigned char>(size.height / 2, size.width / 4 + size.width / 20) == 255);
     CHECK(piece.at<unsigned char>(size.height / 2, size.width / 8) == 0);
