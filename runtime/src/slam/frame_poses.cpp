@@ -22,40 +22,41 @@ void FramePoses::take(const FramePoses& other, int first_keyframe) {
   std::stable_sort(frames_.begin(), frames_.end(), [](const auto& a, const auto& b) { return a.t < b.t; });
 }
 
-SE3<double> FramePoses::T_w_c(const FramePose& frame, const LocalMap& map) {
-  return (frame.T_c_reference * map.pose(frame.reference)).inverse();
+SE3<double> FramePoses::T_c_w(const FramePose& frame, const LocalMap& map) {
+  return frame.T_c_reference * map.pose(frame.reference);
 }
 
 std::optional<SE3<double>> FramePoses::pose_at(double t, const LocalMap& map) const {
   const auto it = std::lower_bound(frames_.begin(), frames_.end(), t,
                                    [](const FramePose& frame, double time) { return frame.t < time; });
   if (it == frames_.end() || it->t != t) return std::nullopt;
-  return T_w_c(*it, map);
+  return T_c_w(*it, map).inverse();
 }
 
 std::vector<StampedPose<double>> FramePoses::poses(const LocalMap& map, bool keyframes_alone) const {
   std::vector<StampedPose<double>> result;
   for (const FramePose& frame : frames_) {
     if (keyframes_alone && !frame.keyframe) continue;
-    result.push_back({frame.t, T_w_c(frame, map), frame.ns});
+    result.push_back({frame.t, T_c_w(frame, map).inverse(), frame.ns});
   }
   return result;
 }
 
 std::vector<StampedPose<double>> FramePoses::smoothed(const LocalMap& map,
                                                       const SmoothingOptions& options) const {
-  std::vector<StampedPose<double>> result = poses(map, false);
   std::vector<TrackedPose<double>> tracked(frames_.size());
   for (std::size_t i = 0; i < frames_.size(); ++i) {
     const FramePose& frame = frames_[i];
     TrackedPose<double>& pose = tracked[i];
     pose.t = frame.t;
-    pose.T_c_w = frame.T_c_reference * map.pose(frame.reference);
+    pose.T_c_w = T_c_w(frame, map);
     pose.covariance.leftCols<3>() = frame.covariance.cast<double>();
     pose.begins = frame.relocalised || (i > 0 && frame.world != frames_[i - 1].world);
   }
-  if (!smooth_trajectory<double>(tracked, options).ok()) return result;
-  for (std::size_t i = 0; i < result.size(); ++i) result[i].T_w_c = tracked[i].T_c_w.inverse();
+  (void)smooth_trajectory<double>(tracked, options);  // what it cannot smooth it leaves
+  std::vector<StampedPose<double>> result;
+  for (std::size_t i = 0; i < frames_.size(); ++i)
+    result.push_back({frames_[i].t, tracked[i].T_c_w.inverse(), frames_[i].ns});
   return result;
 }
 

@@ -38,7 +38,7 @@ class FramePoses {
     Eigen::Matrix<float, 6, 3> covariance;  // of the left increment, its columns of the translation
     int world = 0;                          // in which it was tracked: 0 this one, else one taken in
   };
-  [[nodiscard]] static SE3<double> T_w_c(const FramePose& frame, const LocalMap& map);
+  [[nodiscard]] static SE3<double> T_c_w(const FramePose& frame, const LocalMap& map);
   std::vector<FramePose> frames_;
   int taken_ = 0;
 };
