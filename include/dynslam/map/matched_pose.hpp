@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <concepts>
 #include <cstddef>
-#include <optional>
 #include <span>
 #include <vector>
 

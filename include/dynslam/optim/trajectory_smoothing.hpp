@@ -15,6 +15,7 @@
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/optim/banded_system.hpp"
 #include "dynslam/optim/small_cholesky.hpp"
+#include "dynslam/robust/chi_square.hpp"
 
 namespace dynslam {
 
@@ -98,7 +99,6 @@ class TrajectorySmoother {
  private:
   // From a motion that says nothing to one whose poses say nothing.
   static constexpr double kSoftest = 1e-4, kStiffest = 1e6, kStep = 3.1622776601683795;
-  static constexpr double kMedian3 = 2.366;  // of chi-square with 3 degrees of freedom
   static constexpr std::size_t kAround = 7;  // poses to either side that tell what is usual
 
   [[nodiscard]] bool joined(std::size_t i) const {  // with the pose before
@@ -175,7 +175,7 @@ class TrajectorySmoother {
       leave_one_out();
       double sum = 0;
       for (std::size_t i = 0; i < n; ++i) {
-        const double sigma2 = usual_around(i) / kMedian3;
+        const double sigma2 = usual_around(i) / kChiSquareMedian3;
         const double doubt = sigma2 > 0 ? (options_.nu + 3) / (options_.nu + ws_.squared[i] / sigma2) : 1;
         ws_.robust[i] = ws_.weight[i] * doubt;
         sum += ws_.squared[i] * std::min(1.0, doubt);
