@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -16,7 +17,7 @@ namespace dynslam {
 /// When something that could move counts as at rest.
 template <std::floating_point S>
 struct RestingOptions {
-  int stride = 4;          ///< pixels between the samples of an instance
+  int stride = 4;          ///< pixels between the samples of a surface
   int min_samples = 40;    ///< with depth: of less nothing is known
   S min_still = S(0.4);    ///< share of the samples that were seen in the same place long before
   S max_moving = S(0.05);  ///< share of the samples on the mask of what moves
@@ -78,6 +79,30 @@ void give_back_resting(const Instances& instances, const std::vector<std::uint8_
       if (id >= resting.size() || resting[id] == 0) continue;
       dynamic(u, v) = 0;
       at_rest(u, v) = static_cast<typename std::remove_reference_t<Rest>::Pixel>(255);
+    }
+  }
+}
+
+/// Marks (255) what stands still wherever that is known, whoever it belongs to: a wall that is called a person,
+/// what a mask shows that is late or beside what it means, the legs of somebody who turns the head.
+/// @param moving    nonzero = seen to move, with a margin
+/// @param verified  verified(u, v) -> bool: the surface at a pixel was seen in the same place long before; asked
+///                  once per stride x stride pixels, in their middle
+template <LabelImage Moving, class Verified, OutputLabelImage Still>
+void mark_standing(const Moving& moving, Verified&& verified, int stride, Still&& still) {
+  DYNSLAM_ASSERT(still.width() == moving.width() && still.height() == moving.height(),
+                 "both images have the same size");
+  const int w = moving.width(), h = moving.height();
+  for (int v0 = 0; v0 < h; v0 += stride) {
+    const int v1 = std::min(h, v0 + stride);
+    for (int u0 = 0; u0 < w; u0 += stride) {
+      const int u1 = std::min(w, u0 + stride);
+      if (!verified((u0 + u1) / 2, (v0 + v1) / 2)) continue;
+      for (int v = v0; v < v1; ++v) {
+        for (int u = u0; u < u1; ++u) {
+          if (moving(u, v) == 0) still(u, v) = static_cast<typename std::remove_reference_t<Still>::Pixel>(255);
+        }
+      }
     }
   }
 }

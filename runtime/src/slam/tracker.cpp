@@ -89,6 +89,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
     ++lost_frames_;
     last_moving_.release();
     resting_.release();  // where somebody sat is known only as long as the camera's place is
+    standing_.release();
     return now.finish();
   }
 
@@ -153,8 +154,13 @@ void Tracker::mask_a_priori(Present& now, const std::optional<Masks>& prior) con
   flag(now.frame, now.semantic, now.frame.dynamic);
   // The margin keeps features off a mover's rim; the mask that is handed on is the object itself.
   now.result.dynamic_mask = prior->dynamic.clone();
-  if (unmasked_share<double>(now.frame.dynamic) < options_.arbitration.min_left)
+  if (unmasked_share<double>(now.frame.dynamic) < options_.arbitration.min_left) {
     disbelieve_prior(now, MaskVerdict::covers_view);
+  } else if (!standing_.empty()) {
+    now.semantic.setTo(0, standing_);
+    std::fill(now.frame.dynamic.begin(), now.frame.dynamic.end(), 0);
+    flag(now.frame, now.semantic, now.frame.dynamic);
+  }
 }
 
 /// Goes on without the a-priori mask, as far as the pose is concerned. @return whether there was one
@@ -309,8 +315,12 @@ void Tracker::find_movers(Present& now) {
     return cv::Mat(now.input.gray.size(), CV_8UC1, const_cast<std::uint8_t*>(mask.data()));
   };
   now.moving = wrapped(motion.mask);
+  now.moving_widened = widened(now.moving, options_.feature_margin);
   now.covering = wrapped(motion.covering);
-  if (now.prior != nullptr && options_.method == Method::full) give_back_resting(now);
+  if (now.prior != nullptr && options_.method == Method::full) {
+    give_back_resting(now);
+    find_standing(now);
+  }
   now.watch.lap_ms();
 }
 
@@ -331,19 +341,29 @@ void Tracker::give_back_resting(Present& now) {
   dynslam::give_back_resting(instances, at_rest, dynamic, resting);
 }
 
+/// What stands where it stood long before serves the pose, whatever an a-priori mask says of it. The mask that
+/// is handed on stays as it is: what may move stays out of the map for as long as the network says so.
+void Tracker::find_standing(const Present& now) {
+  standing_.create(now.result.dynamic_mask.size(), CV_8UC1);
+  standing_.setTo(0);
+  mark_standing(
+      interop::view<const std::uint8_t>(std::as_const(now.moving_widened)),
+      [&](int u, int v) { return geometry_.verified_static(static_cast<float>(u), static_cast<float>(v)); },
+      options_.resting.stride, interop::view<std::uint8_t>(standing_));
+}
+
 /// Optimises the pose again on what the fused mask leaves (paper, step 10), or what is left by that part of
 /// it which can be believed.
 void Tracker::pose_without_movers(Present& now) {
   Frame& frame = now.frame;
   // A feature is a patch: at the rim of a mover half of it moves.
   std::vector<std::vector<std::uint8_t>> masks(now.semantic.empty() ? 1 : 2);
-  if (cv::countNonZero(now.moving) > 0) {
-    const cv::Mat moving = widened(now.moving, options_.feature_margin);
-    for (auto& mask : masks) flag(frame, moving, mask);
-  }
+  for (auto& mask : masks) flag(frame, now.moving_widened, mask);
   for (auto& mask : masks) mask.resize(frame.features.size(), 0);
   if (!now.semantic.empty()) {
-    flag(frame, widened(now.result.dynamic_mask, options_.feature_margin), masks[0]);
+    cv::Mat suspected = widened(now.result.dynamic_mask, options_.feature_margin);
+    if (!standing_.empty()) suspected.setTo(0, standing_);
+    flag(frame, suspected, masks[0]);
     for (std::size_t i = 0; i < frame.dynamic.size(); ++i) masks[0][i] |= frame.dynamic[i];
   }
   look_for_turn(now);

@@ -52,10 +52,14 @@ void Tracker::keep(Present& now) {
 
 void Tracker::insert_keyframe(Present& now) {
   Frame& frame = now.frame;
-  points_.trust_all(frame);
-  if (additions_.proven_points && uses_geometry(options_.dynamics) && initialised_)
-    points_.trust(frame, [&](float u, float v) { return geometry_.verified_static(u, v); });
-  last_keyframe_tracked_ = points_.make(map_, now.image->pyramid, frame);
+  if (initialised_) {
+    points_.trust_all(frame);
+    if (additions_.proven_points && uses_geometry(options_.dynamics))
+      points_.trust(frame, [&](float u, float v) { return geometry_.verified_static(u, v); });
+    last_keyframe_tracked_ = points_.make(map_, now.image->pyramid, frame);
+  } else {
+    last_keyframe_tracked_ = make_first_points(now.image->pyramid, frame);
+  }
   frame.grid.build(frame.features, camera_.width, camera_.height);
   const int id = map_.add_keyframe(frame);
   map_.cull();
@@ -72,6 +76,22 @@ void Tracker::insert_keyframe(Present& now) {
     bundle_due_ =
         frame.index + static_cast<std::size_t>(loop ? options_.loop_bundle_delay : options_.bundle_delay);
   }
+}
+
+/// Makes the points of the first keyframe. Of nothing it is known yet whether it moves: what an a-priori mask
+/// suspects makes points, too, which serve once it has stood still for a while.
+/// @return number of features with a point outside the mask
+int Tracker::make_first_points(const ImagePyramid& pyramid, Frame& frame) {
+  const std::vector<std::uint8_t> suspected = frame.dynamic;
+  if (options_.method == Method::full && uses_geometry(options_.dynamics))
+    std::fill(frame.dynamic.begin(), frame.dynamic.end(), 0);
+  points_.trust_all(frame);
+  points_.make(map_, pyramid, frame);
+  frame.dynamic = suspected;
+  int tracked = 0;
+  for (std::size_t i = 0; i < frame.point.size(); ++i)
+    tracked += frame.point[i] >= 0 && frame.dynamic[i] == 0 ? 1 : 0;
+  return tracked;
 }
 
 void Tracker::remember_last(Present& now) {
@@ -91,7 +111,8 @@ bool Tracker::look_again() {
   (void)settle();  // the bundle adjustment writes the map
   std::fill(last_.dynamic.begin(), last_.dynamic.end(), 0);
   if (!last_moving_.empty()) flag(last_, widened(last_moving_, options_.feature_margin), last_.dynamic);
-  insert_last();
+  points_.trust_all(last_);
+  insert_last(points_.make(map_, last_pyramid_, last_));
   return true;
 }
 
@@ -105,17 +126,16 @@ bool Tracker::begin_again(const Present& now) {
   std::fill(last_.point.begin(), last_.point.end(), -1);
   map_ = LocalMap();
   places_ = PlaceIndex();
-  insert_last();
+  insert_last(make_first_points(last_pyramid_, last_));
   if (!uses_geometry(options_.dynamics)) return true;
   geometry_.set_rolling_shutter(shutter(now.input, velocity_));  // its images are still the last frame's
   set_reference(last_);
   return true;
 }
 
-/// Makes the last frame a keyframe.
-void Tracker::insert_last() {
-  points_.trust_all(last_);
-  last_keyframe_tracked_ = points_.make(map_, last_pyramid_, last_);
+/// Makes the last frame a keyframe, with the points that were made for `tracked` of its features.
+void Tracker::insert_last(int tracked) {
+  last_keyframe_tracked_ = tracked;
   last_.grid.build(last_.features, camera_.width, camera_.height);
   const int id = map_.add_keyframe(last_);
   places_.add(id, last_);

@@ -36,6 +36,7 @@ struct Tracker::Present {
   const Masks* prior = nullptr;                         // where it is used
   cv::Mat semantic;  // a-priori mask with its margin; empty: none that is believed
   cv::Mat moving;    // what the geometry found, in the depth image
+  cv::Mat moving_widened;  // with its margin
   cv::Mat covering;  // and in either image, which is handed on; empty: it is not believed
   TrackResult result;
   Stopwatch whole, watch;

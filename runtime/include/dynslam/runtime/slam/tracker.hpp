@@ -95,6 +95,7 @@ class Tracker {
   bool relocalise(Present& now);
   void find_movers(Present& now);
   void give_back_resting(Present& now);
+  void find_standing(const Present& now);
   void pose_without_movers(Present& now);
   void doubt_recent_movers(Present& now);
   void accept(Present& now);
@@ -106,7 +107,8 @@ class Tracker {
   /// Makes the last frame a keyframe with points of all that it saw and that was not found moving, proven or
   /// not, under an a-priori mask or not. @return false: nothing to look at
   bool look_again();
-  void insert_last();
+  void insert_last(int tracked);
+  int make_first_points(const ImagePyramid& pyramid, Frame& frame);
   /// Makes the frame at hand the reference keyframe of the geometry.
   void set_reference(const Frame& frame);
 
@@ -164,6 +166,7 @@ class Tracker {
   std::size_t last_keyframe_index_ = 0;
   int last_keyframe_tracked_ = 0;
   cv::Mat resting_;                        // people at rest, CV_8UC1
+  cv::Mat standing_;                       // what stands in the place where it stood long before, CV_8UC1
   std::optional<double> last_keyframe_t_;  // empty until this run has one [s]
 };
 // A thread of its own adjusts the map through pointers to its members.
