@@ -17,9 +17,18 @@ namespace dynslam::runtime {
 namespace {
 
 constexpr int kSmallest = 80;        // pixels: less is no object
-constexpr int kFlowLevels = 3;       // of the pyramid that corners are followed in
 constexpr int kTrusted = 3;          // pixels from a mask's rim from which the network is trusted
-const cv::Size kFlowWindow(21, 21);  // around a corner
+// Motion is measured in an image of about this width: a mask's is the median of many corners', so that more pixels tell
+// hardly more.
+constexpr int kFlowWidth = 320;
+constexpr int kFlowLevels = 2;       // of its pyramid
+const cv::Size kFlowWindow(13, 13);  // around a corner
+constexpr double kCornerDistance = 3;
+// Where a mask has too few corners there, as small ones have: in the image itself, this far around the mask.
+constexpr int kFineReach = 48, kFineLevels = 3;
+const cv::Size kFineWindow(21, 21);
+constexpr double kFineDistance = 3;
+constexpr double kCornerQuality = 0.005;  // and the distances: as in cv::goodFeaturesToTrack()
 
 float median_of(std::vector<float>& values) {
   if (values.empty()) return 0;
@@ -151,39 +160,74 @@ bool MaskKeeper::outdated(Kept& kept, double t) const {
   return ++kept.age > options_.max_age;
 }
 
-std::vector<cv::Point2f> MaskKeeper::corners_of(const Kept& kept) const {
-  constexpr int kReach = 8;  // pixels beside a corner that say whether it is one, and more
+std::vector<cv::Point2f> MaskKeeper::corners_of(const Kept& kept, const cv::Mat& image, cv::Point origin,
+                                                int shrink, double distance) const {
+  constexpr int kReach = 4;  // pixels beside a corner that say whether it is one, and more
   // Corners are on the mask; what it may ever cover reaches much further.
   const cv::Rect on = cv::boundingRect(kept.mask);
   if (on.empty()) return {};
-  const cv::Rect there = on + kept.at.tl(), box = grown(there, kReach, gray_.size());
+  const cv::Rect there = on + kept.at.tl() - origin;
+  const cv::Rect small(cv::Point(there.x / shrink, there.y / shrink),
+                       cv::Point((there.br().x - 1) / shrink + 1, (there.br().y - 1) / shrink + 1));
+  const cv::Rect box = grown(small, 2 * kReach / shrink, image.size());
   cv::Mat mask = cv::Mat::zeros(box.size(), CV_8UC1);
-  kept.mask(on).copyTo(mask(there - box.tl()));
+  for (int v = 0; v < box.height; ++v) {
+    const int y = (v + box.y) * shrink + shrink / 2 + origin.y - kept.at.y;  // the middle of what the pixel shows
+    if (y < 0 || y >= kept.mask.rows) continue;
+    const auto* row = kept.mask.ptr<std::uint8_t>(y);
+    auto* m = mask.ptr<std::uint8_t>(v);
+    for (int u = 0; u < box.width; ++u) {
+      const int x = (u + box.x) * shrink + shrink / 2 + origin.x - kept.at.x;
+      if (x >= 0 && x < kept.mask.cols) m[u] = row[x];
+    }
+  }
   std::vector<cv::Point2f> corners;
-  cv::goodFeaturesToTrack(gray_(box), corners, options_.points, 0.005, 5, mask);
+  cv::goodFeaturesToTrack(image(box), corners, options_.points, kCornerQuality, distance, mask);
   for (cv::Point2f& p : corners) p += cv::Point2f(box.tl());
   return corners;
 }
 
-bool MaskKeeper::carry(Kept& kept, const std::vector<cv::Mat>& pyramid, const cv::Mat& depth) const {
-  if (gray_.empty()) return false;
-  const std::vector<cv::Point2f> from = corners_of(kept);
-  std::vector<cv::Point2f> to;
-  if (static_cast<int>(from.size()) < options_.min_points) return false;
+MaskKeeper::Followed MaskKeeper::follow(const Kept& kept, const cv::Mat& gray) const {
+  Followed result;
+  if (pyramid_.empty()) return result;
+  std::vector<cv::Point2f> from = corners_of(kept, pyramid_.front(), {}, shrink_, kCornerDistance), to;
   std::vector<std::uint8_t> found;
-  cv::calcOpticalFlowPyrLK(pyramid_, pyramid, from, to, found, cv::noArray(), kFlowWindow, kFlowLevels);
-  std::vector<float> du, dv;
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    if (found[i] == 0) continue;
-    du.push_back(to[i].x - from[i].x);
-    dv.push_back(to[i].y - from[i].y);
+  const auto take = [&](int shrink, cv::Point origin) {
+    const auto f = static_cast<float>(shrink);
+    const cv::Point2f middle(0.5F * (f - 1.0F) + static_cast<float>(origin.x),
+                             0.5F * (f - 1.0F) + static_cast<float>(origin.y));
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      if (found[i] == 0) continue;
+      result.from.push_back(f * from[i] + middle);
+      result.to.push_back(f * to[i] + middle);
+    }
+  };
+  if (shrink_ == 1 || static_cast<int>(from.size()) >= options_.points / 2) {
+    if (!from.empty())
+      cv::calcOpticalFlowPyrLK(pyramid_, next_pyramid_, from, to, found, cv::noArray(), kFlowWindow, kFlowLevels);
+    take(shrink_, {});
+    return result;
   }
-  if (static_cast<int>(du.size()) < options_.min_points) return false;
+  const cv::Rect around = grown(cv::boundingRect(kept.mask) + kept.at.tl(), kFineReach, size_);
+  from = corners_of(kept, gray_(around), around.tl(), 1, kFineDistance);
+  if (!from.empty())
+    cv::calcOpticalFlowPyrLK(gray_(around), gray(around), from, to, found, cv::noArray(), kFineWindow, kFineLevels);
+  take(1, around.tl());
+  return result;
+}
+
+bool MaskKeeper::carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) const {
+  const Followed corners = follow(kept, gray);
+  if (static_cast<int>(corners.from.size()) < options_.min_points) return false;
+  std::vector<float> du, dv;
+  for (std::size_t i = 0; i < corners.from.size(); ++i) {
+    du.push_back(corners.to[i].x - corners.from[i].x);
+    dv.push_back(corners.to[i].y - corners.from[i].y);
+  }
   const cv::Point2f shift(median_of(du), median_of(dv));
   std::vector<float> values;
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    if (found[i] == 0) continue;
-    const int u = cvRound(from[i].x + shift.x), v = cvRound(from[i].y + shift.y);
+  for (const cv::Point2f& p : corners.from) {
+    const int u = cvRound(p.x + shift.x), v = cvRound(p.y + shift.y);
     if (u < 0 || v < 0 || u >= depth.cols || v >= depth.rows) continue;
     const float z = depth.at<float>(v, u);
     if (is_valid_depth(z) && (kept.depth == 0 || std::abs(z - kept.depth) < options_.depth_margin))
@@ -195,7 +239,7 @@ bool MaskKeeper::carry(Kept& kept, const std::vector<cv::Mat>& pyramid, const cv
   // Of the image, what the mask and its reach may come to lie on.
   const cv::Rect there(kept.at.x + cvFloor(shift.x), kept.at.y + cvFloor(shift.y), kept.at.width,
                        kept.at.height);
-  const cv::Rect box = grown(there, options_.band + 2, gray_.size());
+  const cv::Rect box = grown(there, options_.band + 2, size_);
   if (box.empty()) return false;
   const cv::Point offset(whole(shift.x + static_cast<float>(kept.at.x - box.x)),
                          whole(shift.y + static_cast<float>(kept.at.y - box.y)));
@@ -225,7 +269,7 @@ bool MaskKeeper::carry(Kept& kept, const std::vector<cv::Mat>& pyramid, const cv
 
 Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gray, const cv::Mat& depth,
                          double t) {
-  check_image(gray, gray_.size(), CV_8UC1, "MaskKeeper::update(): the grey image");
+  check_image(gray, size_, CV_8UC1, "MaskKeeper::update(): the grey image");
   check_image(depth, gray.size(), CV_32FC1, "MaskKeeper::update(): the depth image");
   if (detected) {
     check_image(detected->dynamic, gray.size(), CV_8UC1, "MaskKeeper::update(): the mask");
@@ -233,6 +277,8 @@ Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gr
     check_optional_image(detected->instances, gray.size(), CV_16UC1,
                          "MaskKeeper::update(): the instance image");
   }
+  size_ = gray.size();
+  shrink_ = std::max(1, cvRound(size_.width / static_cast<double>(kFlowWidth)));
   Masks out;
   if (detected) out.labels = detected->labels.clone();
   if (out.labels.empty()) out.labels = cv::Mat::zeros(gray.size(), CV_8UC1);
@@ -253,7 +299,14 @@ Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gr
     // Into the memory of the last but one, which is never the caller's image; a copy of the keeper may have
     // it.
     if (shared(next_pyramid_)) next_pyramid_.clear();
-    cv::buildOpticalFlowPyramid(gray, next_pyramid_, kFlowWindow, kFlowLevels, true, cv::BORDER_REFLECT_101,
+    cv::Mat image = gray;
+    if (shrink_ > 1) {
+      // Whole blocks of pixels, so that a pixel's place is known; less than a block at the far borders is left out.
+      const cv::Size size(gray.cols / shrink_, gray.rows / shrink_);
+      cv::resize(gray({0, 0, size.width * shrink_, size.height * shrink_}), shrunk_, size, 0, 0, cv::INTER_AREA);
+      image = shrunk_;
+    }
+    cv::buildOpticalFlowPyramid(image, next_pyramid_, kFlowWindow, kFlowLevels, true, cv::BORDER_REFLECT_101,
                                 cv::BORDER_CONSTANT, false);
   }
   cv::Mat all = seen.clone();
@@ -265,7 +318,7 @@ Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gr
   };
   for (Kept& k : kept_) {
     if (found_again(k)) continue;
-    if (outdated(k, t) || !carry(k, next_pyramid_, depth) || found_again(k)) continue;
+    if (outdated(k, t) || !carry(k, gray, depth) || found_again(k)) continue;
     const int more = cv::countNonZero(k.mask & ~all(k.at));
     if (covered + more > most_cover) continue;  // it cannot be right
     all(k.at) |= k.mask;

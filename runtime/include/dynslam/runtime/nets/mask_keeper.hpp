@@ -53,15 +53,25 @@ class MaskKeeper {
   [[nodiscard]] std::vector<Kept> parts_of(const Masks& masks) const;
   /// Cuts a part to the object's depth.
   void refine(Kept& part, const cv::Mat& whole_depth) const;
-  /// Corners of a mask in the last image, to be followed.
-  [[nodiscard]] std::vector<cv::Point2f> corners_of(const Kept& kept) const;
+  /// Corners of a mask in (a part of) the last image, made smaller by whole blocks of pixels.
+  /// @param origin  of `image` in the camera's image [px]
+  [[nodiscard]] std::vector<cv::Point2f> corners_of(const Kept& kept, const cv::Mat& image, cv::Point origin,
+                                                    int shrink, double distance) const;
+  /// Corners of a mask that were found again in the present image, whose pyramid is ready [px].
+  struct Followed {
+    std::vector<cv::Point2f> from, to;
+  };
+  [[nodiscard]] Followed follow(const Kept& kept, const cv::Mat& gray) const;
   [[nodiscard]] bool outdated(Kept& kept, double t) const;
-  [[nodiscard]] bool carry(Kept& kept, const std::vector<cv::Mat>& pyramid, const cv::Mat& depth) const;
+  [[nodiscard]] bool carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) const;
 
   MaskKeeperOptions options_;
   std::vector<Kept> kept_;
   cv::Mat gray_;                       // of the last call
-  std::vector<cv::Mat> pyramid_;       // of it, where there was something to carry
+  cv::Size size_;                      // of all images
+  int shrink_ = 1;                     // pixels of an image per pixel of the one in which motion is measured
+  cv::Mat shrunk_;
+  std::vector<cv::Mat> pyramid_;       // of the last image, where there was something to carry
   std::vector<cv::Mat> next_pyramid_;  // memory for the next one
   int carried_ = 0;
 };
