@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "dynslam/features/masked_features.hpp"
@@ -41,6 +42,33 @@ TEST_CASE_TEMPLATE("a feature is put where the lens says, to a tenth of a pixel 
   placer.place(f, Vector2(S(640), S(10)), depth);  // outside the image
   CHECK_FALSE(placer.sees(f));
   CHECK(f.depth == 0.0F);
+}
+
+TEST_CASE_TEMPLATE("many features are placed as each one alone", S, float, double) {
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  const PinholeBrownConrady<S> camera(Pinhole<S>(S(50), S(50), S(32), S(24)),
+                                      BrownConrady<S>(S(0.1), S(-0.2), S(0.001), S(-0.002), S(0)));
+  FeaturePlacer<PinholeBrownConrady<S>> placer(camera, 64, 48);
+  placer.set_depth_motion(SE3<S>::exp((Eigen::Matrix<S, 6, 1>() << S(0.02), 0, 0, 0, S(0.01), 0).finished()));
+  Image<float> depth(64, 48);
+  for (int i = 0; i < 64 * 48; ++i) depth.data()[i] = i % 11 == 0 ? 0.0F : 1.0F + 0.001F * float(i % 37);
+  std::vector<Feature> features;
+  for (int i = 0; i < 40; ++i) {  // some of them outside the image
+    Feature f;
+    f.u = static_cast<float>((i * 13) % 75) - 4.6F;
+    f.v = static_cast<float>((i * 7) % 60) - 5.3F;
+    features.push_back(f);
+  }
+  auto alone = features;
+  for (Feature& f : alone) placer.place(f, Vector2(S(f.u), S(f.v)), depth);
+  placer.place(std::span<Feature>(features), depth);
+  for (std::size_t i = 0; i < features.size(); ++i) {
+    CHECK(features[i].u == alone[i].u);
+    CHECK(features[i].v == alone[i].v);
+    CHECK(features[i].x == alone[i].x);
+    CHECK(features[i].y == alone[i].y);
+    CHECK(features[i].depth == alone[i].depth);
+  }
 }
 
 TEST_CASE_TEMPLATE("a pixel to which the lens has no inverse has neither a place nor a depth", S, float,

@@ -40,6 +40,21 @@ Image<S> random_depth(test::Rng& rng, int w, int h, double noise) {
   return depth;
 }
 
+/// Depths that wander along the rows in steps of at most 0.03, also through zero, and jump now and then.
+template <class S>
+Image<S> wandering_depth(test::Rng& rng, int w, int h, double noise) {
+  Image<S> depth(w, h);
+  for (int v = 0; v < h; ++v) {
+    S z = S(rng.uniform(-0.1, 1));
+    for (int u = 0; u < w; ++u) {
+      z += S(rng.uniform(-0.031, 0.03));
+      if (rng.chance(noise / 4)) z = S(rng.uniform(-0.1, 1));
+      depth(u, v) = rng.chance(noise / 8) ? S(0) : z;
+    }
+  }
+  return depth;
+}
+
 /// Growing as one writes it down: pixel after pixel, with a queue.
 template <class S, class Criterion>
 struct Oracle {
@@ -86,13 +101,14 @@ const std::vector<Case> kCases{{1, 1, 0.2},     {1, 70, 0.2},   {70, 1, 0.1},  {
 
 /// Compares regions, flags and counts with the oracle's, over sizes, barriers, connectivities and limits.
 template <class Kind, class S, class Criterion>
-void compare(test::Rng& rng, const Criterion& criterion) {
+void compare(test::Rng& rng, const Criterion& criterion,
+             Image<S> (&make_depth)(test::Rng&, int, int, double) = random_depth<S>) {
   RegionGrowingWorkspace ws;
   int kept = 0;
   for (const Case& one : kCases) {
     const int w = one.w, h = one.h;
     const double noise = one.noise;
-    const auto depth = random_depth<S>(rng, w, h, noise);
+    const auto depth = make_depth(rng, w, h, noise);
     Image<std::uint8_t> barrier(w, h);
     const bool closes = rng.chance(0.5);
     for (int v = 0; v < h && closes; ++v) {
@@ -158,6 +174,37 @@ TEST_CASE_TEMPLATE("growing by runs finds what growing by pixels finds", S, floa
     compare<test::ViewKind, S>(rng, relative);
     compare<test::PlainKind, S>(rng, fixed);
     compare<test::ColumnMajorKind, S>(rng, relative);
+  }
+}
+
+TEST_CASE_TEMPLATE("a largest step leads from depths that are valid to none that are not", S, float, double) {
+  static_assert(BoundedLaneCriterion<FixedStep<S>, S> && !BoundedLaneCriterion<RelativeStep<S>, S>);
+  test::Rng rng("largest step");
+  for (const double step : {0.03, 0.012, 0.06}) {
+    CAPTURE(step);
+    for (int round = 0; round < 4; ++round)
+      compare<test::OwnedKind, S>(rng, FixedStep<S>{S(step)}, wandering_depth<S>);
+  }
+}
+
+TEST_CASE_TEMPLATE("holes of any width are found wherever they begin, and no seed lies in one", S, float, double) {
+  constexpr int kWidth = 200;
+  RegionGrowingOptions options;
+  options.max_region_fraction = options.max_total_fraction = 1;
+  RegionGrowingWorkspace ws;
+  Image<std::uint8_t> mask(kWidth, 1);
+  for (int begin = 1; begin < 140; ++begin) {
+    for (int end = begin + 1; end < begin + 40; ++end) {
+      const std::vector<PixelIndex> seeds{{0, 0}, {begin, 0}, {kWidth - 1, 0}};
+      Image<S> depth(kWidth, 1, S(1));
+      std::fill(depth.data() + begin, depth.data() + end, S(0));
+      grow_regions(depth, std::span<const PixelIndex>(seeds), FixedStep<S>{S(0.03)}, options, mask, ws);
+      const bool right = std::equal(mask.data(), mask.data() + kWidth, depth.data(),
+                                    [](std::uint8_t m, S z) { return m == (z > S(0) ? 255 : 0); });
+      CAPTURE(begin);
+      CAPTURE(end);
+      REQUIRE(right);
+    }
   }
 }
 

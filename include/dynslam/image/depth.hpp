@@ -32,8 +32,9 @@ void depth_to_metres(const Raw& raw, S units_per_metre, Out&& out) {
     const auto from = image_row(raw, v);
     auto to = image_row(out, v);
     for (int u = 0; u < raw.width(); ++u) {
-      to[u] = static_cast<Depth>(from[u] == 0 ? std::numeric_limits<S>::quiet_NaN()
-                                              : static_cast<S>(from[u]) * scale);
+      // Added, which changes nothing else: compilers make a branch of a choice between the two.
+      const S invalid = from[u] == 0 ? std::numeric_limits<S>::quiet_NaN() : S(0);
+      to[u] = static_cast<Depth>(static_cast<S>(from[u]) * scale + invalid);
     }
   }
 }

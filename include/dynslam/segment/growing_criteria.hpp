@@ -41,6 +41,14 @@ concept LaneCriterion = DepthCriterion<C, S> &&
   { criterion.lanes(z, z) } -> std::convertible_to<typename detail::DepthLanes<S>::Mask>;
 };
 
+/// One that steps only between depths that differ by less than `largest_step()` [m], whatever they are. That
+/// steps lead from a depth to a nearby pixel then says that the depth there is valid, too, which is cheaper
+/// than a look at each.
+template <class C, class S>
+concept BoundedLaneCriterion = LaneCriterion<C, S> && requires(const C& criterion) {
+  { criterion.largest_step() } -> std::convertible_to<S>;
+};
+
 /// The answer of either kind of criterion.
 template <std::floating_point S, GrowingCriterion<S> C>
 [[nodiscard]] bool may_step(const C& criterion, const GrowingSite<S>& from, const GrowingSite<S>& to) {
@@ -60,6 +68,7 @@ struct FixedStep {
   [[nodiscard]] auto lanes(const V& from, const V& to) const {
     return detail::magnitude<V>(to - from) < step;
   }
+  [[nodiscard]] S largest_step() const { return step; }
 };
 
 /// A step that grows with the sensor's noise: |dz| < base + quad * z^2, z being the smaller depth.

@@ -33,10 +33,13 @@ struct GrowingWord {
   std::uint64_t open;    ///< may be entered: valid, in front of the barrier, not taken
   std::uint64_t joined;  ///< open, and so is the pixel to the right, which one may step to
 };
-/// Those of an image, row by row. What nobody has looked at yet has joined pixels that are not open. Apart:
-/// pairs would be written as numbers and read as vectors, for which a processor waits.
+/// Memory of a GrowingField. The words of an image, row by row, in arrays of their own: pairs would be
+/// written as numbers and read as vectors, for which a processor waits.
 struct GrowingWords {
   std::vector<std::uint64_t> open, joined;
+  std::vector<std::uint8_t> seen;  ///< by word: whether it was looked at, without which it means nothing
+  /// By run of a region: -1 or 1 where the row above or below has nothing more for it, or 0.
+  std::vector<std::int8_t> settled;
 };
 
 /// The depth image as growing sees it: runs of pixels between which it may step, found when they are asked
@@ -55,49 +58,34 @@ class GrowingField {
         height_(depth.height()),
         stride_(words_of_row(width_)) {
     const std::size_t n = stride_ * static_cast<std::size_t>(height_);
-    words_.open.assign(n, 0);
-    words_.joined.assign(n, ~std::uint64_t{0});
+    words_.open.resize(n);
+    words_.joined.resize(n);
+    words_.seen.assign(n, 0);
   }
 
   /// Whether a pixel may be entered and was not yet.
-  [[nodiscard]] bool open(int u, int v) {
-    return (words_.open[seen(row_of(v), word_of(u), v)] >> bit_of(u) & 1) != 0;
-  }
+  [[nodiscard]] bool open(int u, int v) { return (words_.open[seen(word_of(u), v)] >> bit_of(u) & 1) != 0; }
 
   /// Takes everything that an open pixel reaches, and appends it. @return pixels
   template <Connectivity connectivity>
   std::size_t take_region(int u, int v, std::vector<PixelRun>& runs) {
     constexpr int kReach = connectivity == Connectivity::eight ? 1 : 0;
-    std::size_t pixels = 0, head = runs.size();
-    const auto add = [&](const PixelRun& run) {
-      runs.push_back(run);
-      pixels += run.size();
-    };
-    add(run_around<true>(u, v));
-    for (; head < runs.size(); ++head) {
-      const PixelRun from = runs[head];
-      const int end = std::min(width_, from.end + kReach);
-      for (const int row : {from.v - 1, from.v + 1}) {
-        if (row < 0 || row >= height_) continue;
-        int at = next_open(std::max(0, from.begin - kReach), row, end);
-        while (at < end) {
-          PixelRun to;
-          if (at >= from.begin && at < from.end && step_across(at, from.v, row)) {  // mostly
-            to = run_around<true>(at, row);
-            add(to);
-          } else {
-            to = run_around<false>(at, row);
-            if (meet<kReach>(from, to)) add(run_around<true>(at, row));
-          }
-          at = next_open(to.end, row, end);
-        }
-      }
+    const std::size_t first = runs.size();
+    words_.settled.clear();
+    std::size_t pixels = take_run(u, v, runs).size();
+    words_.settled.push_back(0);
+    for (std::size_t i = first; i < runs.size(); ++i) {
+      const PixelRun from = runs[i];
+      const int settled = words_.settled[i - first];
+      if (settled >= 0 && from.v > 0) pixels += take_neighbours<kReach>(from, -1, runs);
+      if (settled <= 0 && from.v + 1 < height_) pixels += take_neighbours<kReach>(from, 1, runs);
     }
     return pixels;
   }
 
  private:
   using S = typename D::Pixel;
+  static constexpr std::uint64_t kAll = ~std::uint64_t{0};
   using Depths = const S*;  // of 64 pixels and the one after them
 
   [[nodiscard]] static int bit_of(int u) { return u & (kWordPixels - 1); }
@@ -105,64 +93,120 @@ class GrowingField {
   /// Index of a row's first word.
   [[nodiscard]] std::size_t row_of(int v) const { return static_cast<std::size_t>(v) * stride_; }
 
-  /// Index of word k of row v, which is looked at if it was not yet.
-  /// @param row  row_of(v)
-  std::size_t seen(std::size_t row, int k, int v) {
-    const std::size_t i = row + static_cast<std::size_t>(k);
-    if ((words_.joined[i] & ~words_.open[i]) != 0) {
-      const GrowingWord word = look(k * kWordPixels, v);
+  /// Index of word k of row v, which is looked at if it was not yet, and so are those after it up to `last`:
+  /// together that is faster than one by one.
+  std::size_t seen(int k, int last, int v) {
+    const std::size_t i = row_of(v) + static_cast<std::size_t>(k);
+    if (!is_seen(i)) look_along(k, last, v);
+    return i;
+  }
+  std::size_t seen(int k, int v) { return seen(k, k, v); }
+  [[nodiscard]] bool is_seen(std::size_t word) const { return words_.seen[word] != 0; }
+  /// Looks at those of the words [k, last] of a row that nobody has looked at.
+  [[gnu::noinline]] void look_along(int k, int last, int v) {
+    const std::size_t row = row_of(v);
+    const auto set = [&](std::size_t i, const GrowingWord& word) {
       words_.open[i] = word.open;
       words_.joined[i] = word.joined;
+      words_.seen[i] = 1;
+    };
+    if constexpr (RowImage<D>) {
+      const Depths z = depth_.row(v);
+      for (const int whole = (width_ - 1) / kWordPixels; k <= last && k < whole; ++k) {
+        const std::size_t i = row + static_cast<std::size_t>(k);
+        if (!is_seen(i)) set(i, look(z + k * kWordPixels, k * kWordPixels, v));
+      }
     }
-    return i;
+    for (; k <= last; ++k) {
+      const std::size_t i = row + static_cast<std::size_t>(k);
+      if (!is_seen(i)) set(i, look_at_copy(k * kWordPixels, v));
+    }
   }
   void take(std::size_t word, std::uint64_t bits) {
     words_.open[word] &= ~bits;
     words_.joined[word] &= ~bits;
   }
 
-  /// The first open pixel of [u, end), or end.
-  int next_open(int u, int v, int end) {
-    for (const std::size_t row = row_of(v); u < end; u += kWordPixels - bit_of(u)) {
-      const std::uint64_t bits = words_.open[seen(row, word_of(u), v)] >> bit_of(u);
-      if (bits != 0) return std::min(end, u + std::countr_zero(bits));
+  /// Takes the run of an open pixel, and appends it.
+  const PixelRun& take_run(int u, int v, std::vector<PixelRun>& runs) {
+    PixelRun& run = runs.emplace_back();
+    find_run<true>(u, v, run);
+    return run;
+  }
+  /// Takes what one may step to from a run to the row above or below (side -1 or 1). @return pixels
+  template <int reach>
+  std::size_t take_neighbours(const PixelRun& from, int side, std::vector<PixelRun>& runs) {
+    const int v = from.v + side;
+    int begin = std::max(0, from.begin - reach);
+    const int end = std::min(width_, from.end + reach), last = word_of(end - 1);
+    std::size_t pixels = 0;
+    for (int k = word_of(begin); k <= last; ++k) {
+      std::uint64_t open = words_.open[seen(k, last, v)] & kAll << bit_of(std::max(begin, k * kWordPixels));
+      while (open != 0) {
+        const int at = k * kWordPixels + std::countr_zero(open);
+        if (at >= end) return pixels;
+        PixelRun to{v, at, at + 1};
+        bool reached = at >= from.begin && at < from.end && step_across(at, from.v, v);  // mostly
+        if (!reached && !(reach == 0 && stands_alone(at, v))) {
+          find_run<false>(at, v, to);
+          reached = meet<reach>(from, to);
+        }
+        if (reached) {
+          const PixelRun& taken = take_run(at, v, runs);
+          const bool beside_from = taken.begin - reach >= from.begin && taken.end + reach <= from.end;
+          words_.settled.push_back(static_cast<std::int8_t>(beside_from ? -side : 0));
+          pixels += taken.size();
+          to.end = taken.end;
+        }
+        begin = to.end;
+        if (word_of(begin) != k) break;
+        open &= kAll << bit_of(begin);
+      }
+      k = std::max(k, word_of(begin) - 1);
     }
-    return end;
+    return pixels;
+  }
+  /// Whether an open pixel of a seen word is known to be a run of its own, to which then nothing leads but a
+  /// step from above or below.
+  [[nodiscard]] bool stands_alone(int u, int v) const {
+    const std::uint64_t joined = words_.joined[row_of(v) + static_cast<std::size_t>(word_of(u))];
+    return bit_of(u) > 0 && (joined >> (bit_of(u) - 1) & 3) == 0;
   }
 
   /// The run of an open pixel.
   /// @tparam takes  whether its pixels are closed
+  /// @param run  out; its parts are written one by one, and a processor would wait for who reads all at once
   template <bool takes>
-  PixelRun run_around(int u, int v) {
-    constexpr std::uint64_t kAll = ~std::uint64_t{0};
+  void find_run(int u, int v, PixelRun& run) {
     constexpr int kLast = kWordPixels - 1;
-    const std::size_t row = row_of(v);
     int k = word_of(u);
     const int bit = bit_of(u);
-    const std::size_t middle = row + static_cast<std::size_t>(k);
+    const std::size_t middle = row_of(v) + static_cast<std::size_t>(k);
     const std::uint64_t joined = words_.joined[middle];
     int left = std::countl_one(joined << (kLast - bit) << 1), right = std::countr_one(joined >> bit);
     const bool begins_before = left == bit, ends_after = bit + right == kWordPixels;
-    PixelRun run{v, u - left, u + 1 + std::min(right, kLast - bit)};
+    int begin = u - left, end = u + 1 + std::min(right, kLast - bit);
     if constexpr (takes)
       take(middle, (kAll << (bit - left)) & (kAll >> (kLast - std::min(kLast, bit + right))));
     for (int i = k; begins_before && i > 0;) {
-      const std::size_t word = seen(row, --i, v);
+      const std::size_t word = seen(--i, v);
       left = std::countl_one(words_.joined[word]);
       if (left == 0) break;
       if constexpr (takes) take(word, kAll << (kWordPixels - left));
-      run.begin -= left;
+      begin -= left;
       if (left < kWordPixels) break;
     }
     while (ends_after) {
-      const std::size_t word = seen(row, ++k, v);
+      const std::size_t word = seen(++k, v);
       right = std::countr_one(words_.joined[word]);
       const int more = std::min(right + 1, kWordPixels);
       if constexpr (takes) take(word, kAll >> (kWordPixels - more));
-      run.end += more;
+      end += more;
       if (right < kWordPixels) break;
     }
-    return run;
+    run.v = v;
+    run.begin = begin;
+    run.end = end;
   }
 
   /// To the same column of another row.
@@ -187,12 +231,6 @@ class GrowingField {
   }
 
   /// Word of the 64 pixels from u on, fewer at the end of the row.
-  [[nodiscard]] GrowingWord look(int u, int v) const {
-    if constexpr (RowImage<D>) {
-      if (width_ - u > kWordPixels) return look(static_cast<Depths>(depth_.row(v)) + u, u, v);
-    }
-    return look_at_copy(u, v);
-  }
   [[nodiscard, gnu::noinline]] GrowingWord look_at_copy(int u, int v) const {
     const int n = std::min(kWordPixels + 1, width_ - u);
     std::array<S, kWordPixels + 1> copy;
@@ -201,47 +239,75 @@ class GrowingField {
     for (int i = 0; i < n; ++i) copy[static_cast<std::size_t>(i)] = row[u + i];
     return look(copy.data(), u, v);
   }
-  [[nodiscard, gnu::noinline]] GrowingWord look(Depths z, int u, int v) const {
-    GrowingWord w = look_at_depths(z);
-    bool after = is_valid_depth(z[kWordPixels]);  // whether the pixel after the word is open
-    if constexpr (!std::is_same_v<Barrier, NoBarrier>) {
+  /// The same of depths one after the other.
+  [[nodiscard]] GrowingWord look(Depths z, int u, int v) const {
+    constexpr bool kBarrier = !std::is_same_v<Barrier, NoBarrier>;
+    std::uint64_t open = kAll, joined = kAll;
+    bool after = true;  // whether the pixel after the word is open
+    bool valid = false;
+    if constexpr (kLanes) {
+      const LaneSteps steps = steps_of_lanes(z);
+      joined = steps.joined;
+      valid = steps.valid;
+      if (valid && !kBarrier) return {open, joined};  // mostly
+    }
+    if (!valid) {
+      open = valid_bits(z);
+      after = is_valid_depth(z[kWordPixels]);
+    }
+    if constexpr (kBarrier) {
       const auto row = image_row(barrier_, v);
-      w.open &= ~nonzero_bits(row, u, std::min(kWordPixels, width_ - u));
+      open &= ~nonzero_bits(row, u, std::min(kWordPixels, width_ - u));
       if (u + kWordPixels < width_) after = after && row[u + kWordPixels] == 0;
     }
-    w.joined &= w.open & (w.open >> 1 | static_cast<std::uint64_t>(after) << (kWordPixels - 1));
+    joined &= open & (open >> 1 | static_cast<std::uint64_t>(after) << (kWordPixels - 1));
     if constexpr (!kLanes) {
-      for (std::uint64_t rest = w.joined; rest != 0; rest &= rest - 1) {
+      for (std::uint64_t rest = joined; rest != 0; rest &= rest - 1) {
         const int i = std::countr_zero(rest);
-        if (!step(u + i, v, z[i], u + i + 1, v, z[i + 1])) w.joined &= ~(std::uint64_t{1} << i);
+        if (!step(u + i, v, z[i], u + i + 1, v, z[i + 1])) joined &= ~(std::uint64_t{1} << i);
       }
     }
-    return w;
+    return {open, joined};
   }
 
   static constexpr bool kLanes = LaneCriterion<Criterion, S>;
+  static constexpr bool kBounded = BoundedLaneCriterion<Criterion, S>;
 
-  /// What is valid of 64 pixels, and where the criterion steps to the right if it may be asked here; said of
-  /// pairs of open pixels.
-  [[nodiscard]] GrowingWord look_at_depths(Depths z) const {
-    constexpr std::uint64_t kAll = ~std::uint64_t{0};
-    GrowingWord w{0, kAll};
-    if constexpr (kLanes) {
-      w.joined = 0;
-      auto nearest = load_lanes(z);
-      for (int at = 0; at < kWordPixels; at += kPartPixels) {
-        w.joined |= bits_of_part<S>([&](int i) {
-                      const auto here = load_lanes(z + at + i);
-                      nearest = smaller(here, nearest);
-                      return criterion_.lanes(here, load_lanes(z + at + i + 1));
-                    })
-                    << at;
-      }
-      const bool positive = bits_of_lanes<S>(nearest > S(0)) == (1U << DepthLanes<S>::kCount) - 1;
-      const bool finite = (w.joined | w.joined << 1) == kAll;  // one may step to them or from them
-      if (positive & finite) return {kAll, w.joined};
+  /// What a criterion by lanes tells of 64 pixels.
+  struct LaneSteps {
+    std::uint64_t joined;  ///< where it steps to the right; said of pairs of valid pixels
+    bool valid;            ///< whether all are known to be, and the pixel after them where it steps there
+  };
+  [[nodiscard]] LaneSteps steps_of_lanes(Depths z) const {
+    constexpr int kCount = DepthLanes<S>::kCount;
+    // Of a bounded criterion one vector of four tells of the rest, which a few steps lead to.
+    constexpr int kSample = 4;
+    auto nearest = load_lanes(z + (kBounded ? kSample : kWordPixels + 1 - kCount));
+    std::uint64_t joined = 0;
+    for (int at = 0; at < kWordPixels; at += kPartPixels) {
+      joined |= bits_of_part<S>([&](int i) {
+                  const auto here = load_lanes(z + at + i);
+                  if (!kBounded || i == kSample) nearest = smaller(here, nearest);
+                  return criterion_.lanes(here, load_lanes(z + at + i + 1));
+                })
+                << at;
     }
-    return {valid_bits(z), w.joined};
+    S beyond = 0;
+    bool known;
+    if constexpr (kBounded) {
+      // With one break at most, and none before the first sample or behind the last, steps lead from a
+      // sample to every pixel, fewer than a part has.
+      constexpr int kLast = kWordPixels - kPartPixels + kSample + kCount - 1;
+      constexpr std::uint64_t kInside = kAll >> 1;
+      constexpr std::uint64_t kEnds = ((std::uint64_t{1} << kSample) - 1) | (kInside >> kLast << kLast);
+      const std::uint64_t breaks = ~joined & kInside;
+      known = ((breaks & (breaks - 1)) | (breaks & kEnds)) == 0;
+      beyond = static_cast<S>(kPartPixels) * criterion_.largest_step();
+    } else {
+      known = (joined | joined << 1) == kAll;  // finite: one may step to them or from them
+    }
+    const bool positive = bits_of_lanes<S>(nearest > beyond) == (1U << kCount) - 1;
+    return {joined, known && positive};
   }
   /// Apart, so that what is mostly enough needs few registers.
   [[nodiscard, gnu::noinline]] static std::uint64_t valid_bits(Depths z) {

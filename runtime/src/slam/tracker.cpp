@@ -131,12 +131,10 @@ void Tracker::extract(Present& now) {
   frame.features.resize(keypoints.size());
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
     const cv::KeyPoint& k = keypoints[i];
-    Feature& f = frame.features[i];
-    f.octave = k.octave;
-    f.angle = k.angle;
-    f.sigma = extractor_.scale(k.octave);
-    matcher_.placer().place(f, Eigen::Vector2d(k.pt.x, k.pt.y), now.depth);
+    frame.features[i] = {
+        .u = k.pt.x, .v = k.pt.y, .angle = k.angle, .octave = k.octave, .sigma = extractor_.scale(k.octave)};
   }
+  matcher_.placer().place(std::span<Feature>(frame.features), now.depth);
   frame.point.assign(frame.features.size(), -1);
   frame.dynamic.assign(frame.features.size(), 0);
   frame.grid.build(frame.features, camera_.width, camera_.height);

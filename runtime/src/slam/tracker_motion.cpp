@@ -3,6 +3,7 @@
 // other.
 #include <cmath>
 #include <optional>
+#include <span>
 
 #include "slam/tracker_present.hpp"
 
@@ -55,7 +56,7 @@ void Tracker::place_again(Present& now) {
 }
 
 void Tracker::place_features(Present& now) const {
-  for (Feature& f : now.frame.features) matcher_.placer().place(f, Eigen::Vector2d(f.u, f.v), now.depth);
+  matcher_.placer().place(std::span<Feature>(now.frame.features), now.depth);
 }
 
 /// Has the next optimisation ask how the camera turned while it read its rows. A measurement of the readout
