@@ -17,8 +17,6 @@
 #include <string_view>
 #include <utility>
 
-#include "io/literal_inflate.hpp"
-
 namespace dynslam::runtime {
 namespace {
 
@@ -171,7 +169,6 @@ struct Scratch {
     void operator()(libdeflate_decompressor* d) const { libdeflate_free_decompressor(d); }
   };
   std::unique_ptr<libdeflate_decompressor, Free> decompressor{libdeflate_alloc_decompressor()};
-  LiteralInflater literals;
   std::vector<std::uint8_t> packed, rows;
 };
 
@@ -188,7 +185,6 @@ bool decompress(PngBytes bytes, const PngFile& file, std::size_t size, Scratch& 
     packed = scratch.packed;
   }
   scratch.rows.resize(size);
-  if (scratch.literals.decompress(packed, scratch.rows)) return true;  // what recorders write
   switch (libdeflate_zlib_decompress(scratch.decompressor.get(), packed.data(), packed.size(),
                                      scratch.rows.data(), size, nullptr)) {
     case LIBDEFLATE_SUCCESS:
