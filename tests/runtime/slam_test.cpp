@@ -158,6 +158,35 @@ TEST_CASE("images of any stride and of each type that is allowed give the same; 
   same("metres", [](const RawFrame& f, cv::Mat&, cv::Mat& depth) { depth = f.metres.clone(); });
 }
 
+TEST_CASE("the trajectory is smoothed in the end, not before, and not where it shall stay as tracked") {
+  // Acceleration of the centres, summed [m]: what smoothing takes away.
+  const auto roughness = [](const std::vector<StampedPose<double>>& trajectory) {
+    double sum = 0;
+    for (std::size_t i = 2; i < trajectory.size(); ++i) {
+      sum += (trajectory[i].T_w_c.translation() - 2 * trajectory[i - 1].T_w_c.translation() +
+              trajectory[i - 2].T_w_c.translation())
+                 .norm();
+    }
+    return sum;
+  };
+  const auto roughness_of = [&](const SlamOptions& options, bool finished) {
+    Slam slam(walk().camera, options);
+    for (const RawFrame& f : walk().frames)
+      (void)slam.track(f.bgr, f.depth, f.t, std::nullopt, f.depth_delay);
+    if (finished) slam.finish();
+    CHECK(slam.trajectory().size() == kRawFrames);
+    return roughness(slam.trajectory());
+  };
+  SlamOptions as_tracked, paper;
+  as_tracked.trajectory.smooth = false;
+  paper.tracker.method = Method::paper;
+  SlamOptions paper_as_tracked = paper;
+  paper_as_tracked.trajectory.smooth = false;
+  CHECK(roughness_of({}, true) < 0.5 * roughness_of(as_tracked, true));
+  CHECK(roughness_of({}, false) == roughness_of(as_tracked, false));
+  CHECK(roughness_of(paper, true) == roughness_of(paper_as_tracked, true));
+}
+
 TEST_CASE("what the geometry found can be asked for, as long as the frame has a pose") {
   Slam slam(walk().camera);
   CHECK(slam.motion() == nullptr);

@@ -83,10 +83,11 @@ void give_back_resting(const Instances& instances, const std::vector<std::uint8_
   }
 }
 
-/// Marks (255) what stands still wherever that is known, whoever it belongs to: a wall that is called a person,
-/// what a mask shows that is late or beside what it means, the legs of somebody who turns the head.
+/// Marks (255) what stands still wherever that is known, whoever it belongs to: a wall that is called a
+/// person, what a mask shows that is late or beside what it means, the legs of somebody who turns the head.
 /// @param moving    nonzero = seen to move, with a margin
-/// @param verified  verified(u, v) -> bool: the surface at a pixel was seen in the same place long before; asked
+/// @param verified  verified(u, v) -> bool: the surface at a pixel was seen in the same place long before;
+/// asked
 ///                  once per stride x stride pixels, in their middle
 template <LabelImage Moving, class Verified, OutputLabelImage Still>
 void mark_standing(const Moving& moving, Verified&& verified, int stride, Still&& still) {
@@ -100,7 +101,8 @@ void mark_standing(const Moving& moving, Verified&& verified, int stride, Still&
       if (!verified((u0 + u1) / 2, (v0 + v1) / 2)) continue;
       for (int v = v0; v < v1; ++v) {
         for (int u = u0; u < u1; ++u) {
-          if (moving(u, v) == 0) still(u, v) = static_cast<typename std::remove_reference_t<Still>::Pixel>(255);
+          if (moving(u, v) == 0)
+            still(u, v) = static_cast<typename std::remove_reference_t<Still>::Pixel>(255);
         }
       }
     }

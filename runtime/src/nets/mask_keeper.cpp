@@ -16,10 +16,10 @@
 namespace dynslam::runtime {
 namespace {
 
-constexpr int kSmallest = 80;        // pixels: less is no object
-constexpr int kTrusted = 3;          // pixels from a mask's rim from which the network is trusted
-// Motion is measured in an image of about this width: a mask's is the median of many corners', so that more pixels tell
-// hardly more.
+constexpr int kSmallest = 80;  // pixels: less is no object
+constexpr int kTrusted = 3;    // pixels from a mask's rim from which the network is trusted
+// Motion is measured in an image of about this width: a mask's is the median of many corners', so that more
+// pixels tell hardly more.
 constexpr int kFlowWidth = 320;
 constexpr int kFlowLevels = 2;       // of its pyramid
 const cv::Size kFlowWindow(13, 13);  // around a corner
@@ -172,7 +172,8 @@ std::vector<cv::Point2f> MaskKeeper::corners_of(const Kept& kept, const cv::Mat&
   const cv::Rect box = grown(small, 2 * kReach / shrink, image.size());
   cv::Mat mask = cv::Mat::zeros(box.size(), CV_8UC1);
   for (int v = 0; v < box.height; ++v) {
-    const int y = (v + box.y) * shrink + shrink / 2 + origin.y - kept.at.y;  // the middle of what the pixel shows
+    const int y =
+        (v + box.y) * shrink + shrink / 2 + origin.y - kept.at.y;  // the middle of what the pixel shows
     if (y < 0 || y >= kept.mask.rows) continue;
     const auto* row = kept.mask.ptr<std::uint8_t>(y);
     auto* m = mask.ptr<std::uint8_t>(v);
@@ -204,14 +205,16 @@ MaskKeeper::Followed MaskKeeper::follow(const Kept& kept, const cv::Mat& gray) c
   };
   if (shrink_ == 1 || static_cast<int>(from.size()) >= options_.points / 2) {
     if (!from.empty())
-      cv::calcOpticalFlowPyrLK(pyramid_, next_pyramid_, from, to, found, cv::noArray(), kFlowWindow, kFlowLevels);
+      cv::calcOpticalFlowPyrLK(pyramid_, next_pyramid_, from, to, found, cv::noArray(), kFlowWindow,
+                               kFlowLevels);
     take(shrink_, {});
     return result;
   }
   const cv::Rect around = grown(cv::boundingRect(kept.mask) + kept.at.tl(), kFineReach, size_);
   from = corners_of(kept, gray_(around), around.tl(), 1, kFineDistance);
   if (!from.empty())
-    cv::calcOpticalFlowPyrLK(gray_(around), gray(around), from, to, found, cv::noArray(), kFineWindow, kFineLevels);
+    cv::calcOpticalFlowPyrLK(gray_(around), gray(around), from, to, found, cv::noArray(), kFineWindow,
+                             kFineLevels);
   take(1, around.tl());
   return result;
 }
@@ -301,9 +304,11 @@ Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gr
     if (shared(next_pyramid_)) next_pyramid_.clear();
     cv::Mat image = gray;
     if (shrink_ > 1) {
-      // Whole blocks of pixels, so that a pixel's place is known; less than a block at the far borders is left out.
+      // Whole blocks of pixels, so that a pixel's place is known; less than a block at the far borders is
+      // left out.
       const cv::Size size(gray.cols / shrink_, gray.rows / shrink_);
-      cv::resize(gray({0, 0, size.width * shrink_, size.height * shrink_}), shrunk_, size, 0, 0, cv::INTER_AREA);
+      cv::resize(gray({0, 0, size.width * shrink_, size.height * shrink_}), shrunk_, size, 0, 0,
+                 cv::INTER_AREA);
       image = shrunk_;
     }
     cv::buildOpticalFlowPyramid(image, next_pyramid_, kFlowWindow, kFlowLevels, true, cv::BORDER_REFLECT_101,

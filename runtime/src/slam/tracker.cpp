@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <opencv2/imgproc.hpp>
 #include <span>
 
 #include "dynslam/features/masked_features.hpp"
@@ -141,35 +140,6 @@ void Tracker::extract(Present& now) {
   matcher_.begin(frame);
 }
 
-void Tracker::mask_a_priori(Present& now, const std::optional<Masks>& prior) const {
-  if (!uses_semantic(options_.dynamics) || !prior || prior->dynamic.empty()) {
-    now.result.dynamic_mask = cv::Mat::zeros(now.input.gray.size(), CV_8UC1);
-    return;
-  }
-  now.prior = &*prior;
-  now.semantic = widened(prior->dynamic, options_.semantic_dilation);
-  if (!resting_.empty()) now.semantic.setTo(0, resting_);  // of the frame before: people hardly jump in one
-  flag(now.frame, now.semantic, now.frame.dynamic);
-  // The margin keeps features off a mover's rim; the mask that is handed on is the object itself.
-  now.result.dynamic_mask = prior->dynamic.clone();
-  if (unmasked_share<double>(now.frame.dynamic) < options_.arbitration.min_left) {
-    disbelieve_prior(now, MaskVerdict::covers_view);
-  } else if (!standing_.empty()) {
-    now.semantic.setTo(0, standing_);
-    std::fill(now.frame.dynamic.begin(), now.frame.dynamic.end(), 0);
-    flag(now.frame, now.semantic, now.frame.dynamic);
-  }
-}
-
-/// Goes on without the a-priori mask, as far as the pose is concerned. @return whether there was one
-bool Tracker::disbelieve_prior(Present& now, MaskVerdict why) {
-  if (now.semantic.empty()) return false;
-  now.semantic.release();
-  std::fill(now.frame.dynamic.begin(), now.frame.dynamic.end(), 0);
-  now.result.mask_rejected = why;
-  return true;
-}
-
 void Tracker::start_map(Present& now) {
   const auto enough = [&] {
     return unmasked_with_depth(now.frame.features, now.frame.dynamic) >= options_.initial_features;
@@ -295,113 +265,6 @@ bool Tracker::relocalise(Present& now) {
     return true;
   }
   return false;
-}
-
-void Tracker::find_movers(Present& now) {
-  TrackResult& result = now.result;
-  if (geometry_.has_reference()) geometry_.place_reference(T_reference_keyframe_ * map_.pose(reference_id_));
-  const SE3<double> T_c_last = now.T_c_w * last_.T_c_w.inverse();
-  geometry_.set_depth_motion(depth_motion(now.input, T_c_last), depth_delay(now.input));
-  geometry_.set_rolling_shutter(matcher_.placer().rolling_shutter());
-  constexpr std::array kStages{Stage::lucas_kanade, Stage::residuals, Stage::free_space, Stage::growing};
-  Stopwatch watch;
-  const auto& motion = geometry_.segment(
-      interop::view<const std::uint8_t>(now.input.gray), now.depth, now.T_c_w,
-      interop::view<const std::uint8_t>(std::as_const(now.semantic)),
-      [&](MotionStage s) { result.times[kStages[static_cast<std::size_t>(s)]] = watch.lap_ms(); });
-  const auto wrapped = [&](const Image<std::uint8_t>& mask) {  // OpenCV has no read-only matrices
-    return cv::Mat(now.input.gray.size(), CV_8UC1, const_cast<std::uint8_t*>(mask.data()));
-  };
-  now.moving = wrapped(motion.mask);
-  now.moving_widened = widened(now.moving, options_.feature_margin);
-  now.covering = wrapped(motion.covering);
-  if (now.prior != nullptr && options_.method == Method::full) {
-    give_back_resting(now);
-    find_standing(now);
-  }
-  now.watch.lap_ms();
-}
-
-/// Takes instances that have not moved for long out of the mask: their points serve the pose, but the map,
-/// which goes by labels, never gets their surface.
-void Tracker::give_back_resting(Present& now) {
-  resting_.create(now.result.dynamic_mask.size(), CV_8UC1);
-  resting_.setTo(0);
-  if (now.prior->instances.empty()) return;
-  const auto instances = interop::view<const std::uint16_t>(now.prior->instances);
-  const auto at_rest = resting_instances(
-      instances, interop::view<const std::uint8_t>(now.prior->dynamic), now.depth,
-      interop::view<const std::uint8_t>(std::as_const(now.moving)),
-      [&](int u, int v) { return geometry_.verified_static(static_cast<float>(u), static_cast<float>(v)); },
-      options_.resting);
-  auto dynamic = interop::view<std::uint8_t>(now.result.dynamic_mask);
-  auto resting = interop::view<std::uint8_t>(resting_);
-  dynslam::give_back_resting(instances, at_rest, dynamic, resting);
-}
-
-/// What stands where it stood long before serves the pose, whatever an a-priori mask says of it. The mask that
-/// is handed on stays as it is: what may move stays out of the map for as long as the network says so.
-void Tracker::find_standing(const Present& now) {
-  standing_.create(now.result.dynamic_mask.size(), CV_8UC1);
-  standing_.setTo(0);
-  mark_standing(
-      interop::view<const std::uint8_t>(std::as_const(now.moving_widened)),
-      [&](int u, int v) { return geometry_.verified_static(static_cast<float>(u), static_cast<float>(v)); },
-      options_.resting.stride, interop::view<std::uint8_t>(standing_));
-}
-
-/// Optimises the pose again on what the fused mask leaves (paper, step 10), or what is left by that part of
-/// it which can be believed.
-void Tracker::pose_without_movers(Present& now) {
-  Frame& frame = now.frame;
-  // A feature is a patch: at the rim of a mover half of it moves.
-  std::vector<std::vector<std::uint8_t>> masks(now.semantic.empty() ? 1 : 2);
-  for (auto& mask : masks) flag(frame, now.moving_widened, mask);
-  for (auto& mask : masks) mask.resize(frame.features.size(), 0);
-  if (!now.semantic.empty()) {
-    cv::Mat suspected = widened(now.result.dynamic_mask, options_.feature_margin);
-    if (!standing_.empty()) suspected.setTo(0, standing_);
-    flag(frame, suspected, masks[0]);
-    for (std::size_t i = 0; i < frame.dynamic.size(); ++i) masks[0][i] |= frame.dynamic[i];
-  }
-  look_for_turn(now);
-  const auto fused = masked_pose(
-      pose_, map_, now.T_c_w, masks, options_.arbitration, frame,
-      [&](int point) { ++map_.point(point).on_mover; }, masked_pose_);
-  if (fused.verdict != MaskVerdict::kept) now.result.mask_rejected = fused.verdict;
-  if (fused.pose.inliers >= options_.search.min_inliers) {
-    now.T_c_w = fused.pose.T_c_w;
-    now.result.inliers = fused.pose.inliers;
-    now.result.covariance = fused.pose.covariance;
-    take_turn(now, fused.pose.turn);
-  }
-  if (fused.mask < masks.size()) {
-    cv::bitwise_or(now.result.dynamic_mask, now.moving, now.result.dynamic_mask);
-    return;
-  }
-  now.covering.release();
-  for (std::size_t i = 0; i < frame.dynamic.size(); ++i) {  // what nothing speaks for makes no points
-    const Feature& f = frame.features[i];
-    frame.dynamic[i] = masks[0][i] != 0 && frame.point[i] < 0 && !geometry_.verified_static(f.u, f.v) ? 1 : 0;
-  }
-}
-
-/// A mask may break down for a frame. A keyframe of just then would take the mover for the room, as points
-/// and as reference, and the mask would not come back: where a whole piece of the last frame's mask is gone,
-/// it makes neither. What a mover uncovers along its rim is the room, and welcome.
-void Tracker::doubt_recent_movers(Present& now) {
-  Frame& frame = now.frame;
-  if (options_.method == Method::full && !last_moving_.empty()) {
-    const cv::Mat gone = vanished_pieces(last_moving_, now.moving, options_.vanished_piece);
-    if (!gone.empty()) {
-      recent_flags_.assign(frame.features.size(), 0);
-      flag(frame, last_moving_, recent_flags_);
-      for (std::size_t i = 0; i < recent_flags_.size(); ++i) {
-        if (recent_flags_[i] != 0 && frame.point[i] < 0) frame.dynamic[i] = 1;
-      }
-    }
-  }
-  now.moving.copyTo(last_moving_);
 }
 
 void Tracker::accept(Present& now) {

@@ -34,10 +34,10 @@ struct Tracker::Present {
   std::optional<ImageAlignmentResult<double>> aligned;  // with the last frame; empty: not tried
   bool plain = false;                                   // located without what the method adds
   const Masks* prior = nullptr;                         // where it is used
-  cv::Mat semantic;  // a-priori mask with its margin; empty: none that is believed
-  cv::Mat moving;    // what the geometry found, in the depth image
+  cv::Mat semantic;        // a-priori mask with its margin; empty: none that is believed
+  cv::Mat moving;          // what the geometry found, in the depth image
   cv::Mat moving_widened;  // with its margin
-  cv::Mat covering;  // and in either image, which is handed on; empty: it is not believed
+  cv::Mat covering;        // and in either image, which is handed on; empty: it is not believed
   TrackResult result;
   Stopwatch whole, watch;
 
