@@ -86,9 +86,9 @@ void give_back_resting(const Instances& instances, const std::vector<std::uint8_
 /// Marks (255) what stands still wherever that is known, whoever it belongs to: a wall that is called a
 /// person, what a mask shows that is late or beside what it means, the legs of somebody who turns the head.
 /// @param moving    nonzero = seen to move, with a margin
-/// @param verified  verified(u, v) -> bool: the surface at a pixel was seen in the same place long before;
-/// asked
-///                  once per stride x stride pixels, in their middle
+/// @param verified  verified(u, v) -> bool: the surface at a pixel was seen in the same place long before
+/// @param stride    pixels: `verified` is asked once per stride x stride of them, in their middle
+/// @param still     out, of the size of `moving`: 255 where something stands, as it was elsewhere
 template <LabelImage Moving, class Verified, OutputLabelImage Still>
 void mark_standing(const Moving& moving, Verified&& verified, int stride, Still&& still) {
   DYNSLAM_ASSERT(still.width() == moving.width() && still.height() == moving.height(),

@@ -84,8 +84,7 @@ class FeaturePlacer {
     f.depth = 0;
     const int u = static_cast<int>(std::lrint(f.u)), v = static_cast<int>(std::lrint(f.v));
     if (!contains(u, v)) return;
-    const Eigen::Vector2f& ideal =
-        ideal_[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(u)];
+    const Eigen::Vector2f& ideal = ideal_at(u, v);
     f.x = ideal.x() + (f.u - static_cast<float>(u));
     f.y = ideal.y() + (f.v - static_cast<float>(v));
     if (ideal.x() == kNowhere) return;
@@ -134,16 +133,19 @@ class FeaturePlacer {
  private:
   [[nodiscard]] bool contains(int u, int v) const { return u >= 0 && v >= 0 && u < width_ && v < height_; }
 
+  /// Ideal pixel of a recorded one that is inside the image.
+  [[nodiscard]] const Eigen::Vector2f& ideal_at(int u, int v) const {
+    return ideal_[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) +
+                  static_cast<std::size_t>(u)];
+  }
+
   /// Has the processor begin to read what place() will ask for.
   template <DepthImage I>
   void fetch(const Feature& f, const I& depth) const {
-#ifdef __GNUC__
     const int u = static_cast<int>(std::lrint(f.u)), v = static_cast<int>(std::lrint(f.v));
     if (!contains(u, v)) return;
-    __builtin_prefetch(ideal_.data() + (static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) +
-                                        static_cast<std::size_t>(u)));
-    if constexpr (RowImage<I>) __builtin_prefetch(depth.row(v) + u);
-#endif
+    detail::prefetch(&ideal_at(u, v));
+    if constexpr (RowImage<I>) detail::prefetch(depth.row(v) + u);
   }
 
   /// The depth image was taken a little earlier or later: looks where the point was then, and brings what is

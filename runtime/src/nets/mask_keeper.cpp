@@ -210,7 +210,7 @@ MaskKeeper::Followed MaskKeeper::follow(const Kept& kept, const cv::Mat& gray) c
     take(shrink_, {});
     return result;
   }
-  const cv::Rect around = grown(cv::boundingRect(kept.mask) + kept.at.tl(), kFineReach, size_);
+  const cv::Rect around = grown(cv::boundingRect(kept.mask) + kept.at.tl(), kFineReach, gray.size());
   from = corners_of(kept, gray_(around), around.tl(), 1, kFineDistance);
   if (!from.empty())
     cv::calcOpticalFlowPyrLK(gray_(around), gray(around), from, to, found, cv::noArray(), kFineWindow,
@@ -242,7 +242,7 @@ bool MaskKeeper::carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) co
   // Of the image, what the mask and its reach may come to lie on.
   const cv::Rect there(kept.at.x + cvFloor(shift.x), kept.at.y + cvFloor(shift.y), kept.at.width,
                        kept.at.height);
-  const cv::Rect box = grown(there, options_.band + 2, size_);
+  const cv::Rect box = grown(there, options_.band + 2, gray.size());
   if (box.empty()) return false;
   const cv::Point offset(whole(shift.x + static_cast<float>(kept.at.x - box.x)),
                          whole(shift.y + static_cast<float>(kept.at.y - box.y)));
@@ -272,7 +272,7 @@ bool MaskKeeper::carry(Kept& kept, const cv::Mat& gray, const cv::Mat& depth) co
 
 Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gray, const cv::Mat& depth,
                          double t) {
-  check_image(gray, size_, CV_8UC1, "MaskKeeper::update(): the grey image");
+  check_image(gray, gray_.size(), CV_8UC1, "MaskKeeper::update(): the grey image");
   check_image(depth, gray.size(), CV_32FC1, "MaskKeeper::update(): the depth image");
   if (detected) {
     check_image(detected->dynamic, gray.size(), CV_8UC1, "MaskKeeper::update(): the mask");
@@ -280,8 +280,7 @@ Masks MaskKeeper::update(const std::optional<Masks>& detected, const cv::Mat& gr
     check_optional_image(detected->instances, gray.size(), CV_16UC1,
                          "MaskKeeper::update(): the instance image");
   }
-  size_ = gray.size();
-  shrink_ = std::max(1, cvRound(size_.width / static_cast<double>(kFlowWidth)));
+  shrink_ = std::max(1, cvRound(gray.cols / static_cast<double>(kFlowWidth)));
   Masks out;
   if (detected) out.labels = detected->labels.clone();
   if (out.labels.empty()) out.labels = cv::Mat::zeros(gray.size(), CV_8UC1);

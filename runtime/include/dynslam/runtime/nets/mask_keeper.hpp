@@ -68,7 +68,6 @@ class MaskKeeper {
   MaskKeeperOptions options_;
   std::vector<Kept> kept_;
   cv::Mat gray_;    // of the last call
-  cv::Size size_;   // of all images
   int shrink_ = 1;  // pixels of an image per pixel of the one in which motion is measured
   cv::Mat shrunk_;
   std::vector<cv::Mat> pyramid_;       // of the last image, where there was something to carry
