@@ -268,8 +268,9 @@ TEST_CASE_TEMPLATE("a board that slides in its plane from the first frame on is 
   // Its depth stays what it was, so the depth check takes all but its leading edge for verified; its texture
   // tells.
   const Pinhole<S> camera{S(230), S(230), S(119.5), S(89.5)};
-  const auto found = [&](double territory, double body_share, bool mostly_plain) {
+  const auto found = [&](double territory, double body_share, bool mostly_plain, bool outlines = false) {
     MotionSegmenterOptions<S> options;
+    if (!outlines) options.outlines.share = 2;
     options.keypoint_seeds.territory = territory;
     options.keypoint_seeds.body_share = body_share;
     MotionSegmenter<S, Pinhole<S>> segmenter(camera, options);
@@ -295,6 +296,8 @@ TEST_CASE_TEMPLATE("a board that slides in its plane from the first frame on is 
   // Where it has no texture, what stands on the same surface speaks for it.
   CHECK(found(usual.territory, kNever, true) < 0.7);
   CHECK(found(usual.territory, usual.body_share, true) > 0.85);
+  // And its outline speaks for all of it, textured or not.
+  CHECK(found(0, kNever, true, true) > 0.85);
 }
 
 TEST_CASE_TEMPLATE("the rim of a board makes no mover of the wall behind it", S, float, double) {

@@ -107,6 +107,16 @@ TEST_CASE("what is seen past a mover, and was taken for it once, grows old by it
   CHECK(ring.age(38, 30) == 254);
 }
 
+TEST_CASE("few seeds on what is behind a mover are noise, however many the mover has") {
+  Cells cells;
+  cells.plant(40, 26, 6, 0);  // on the box, up to its rim
+  cells.plant(46, 26, 3, 0);  // and beside it on the wall
+  CHECK(cells.grow().seeds == 36);
+  CHECK(cells.mask(44, 30) == 255);
+  CHECK(cells.mask(47, 27) == 0);
+  CHECK(cells.count() == 16 * 20);
+}
+
 TEST_CASE("single seeds are noise, and a region that fills the view has leaked") {
   Cells noise;
   noise.plant(36, 26, 2, 0);

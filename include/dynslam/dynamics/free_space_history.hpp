@@ -16,6 +16,7 @@
 #include "dynslam/config.hpp"
 #include "dynslam/dynamics/depth_grid.hpp"
 #include "dynslam/dynamics/free_space.hpp"
+#include "dynslam/dynamics/free_space_verdicts.hpp"
 #include "dynslam/geometry/rolling_shutter.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/image/depth_bounds.hpp"
@@ -42,54 +43,6 @@ struct FreeSpaceOptions {
   double timing = 0.2;
   int max_shift = 4;  ///< beside its pose at most [cells]
 };
-
-/// What the cells of the present frame are, by earlier views.
-struct FreeSpaceVerdicts {
-  /// `age` of a cell that no evidence speaks against.
-  static constexpr std::uint8_t kNever = 255;
-
-  Image<std::uint8_t> seed;      ///< 1: moved there, or was found moving shortly before
-  Image<std::uint8_t> barrier;   ///< 1: was there already, so growing must not enter
-  Image<std::uint8_t> verified;  ///< the same, and stays as it is: known to be static
-  Image<std::uint8_t> age;       ///< frames since direct evidence of motion; kNever: none
-
-  void resize(int width, int height) {
-    for (auto* image : {&seed, &barrier, &verified, &age}) image->resize(width, height);
-  }
-  /// Of this size, and nothing said of any cell.
-  void clear(int width, int height) {
-    resize(width, height);
-    for (auto* image : {&seed, &barrier, &verified}) image->fill(0);
-    age.fill(kNever);
-  }
-};
-
-/// What a remembered cell was taken for.
-enum CellState : std::uint8_t {
-  kCellStatic = 0,
-  kCellMoved = 1,     ///< by motion that was measured
-  kCellSuspected = 2  ///< by an a-priori mask alone (a person may sit still)
-};
-
-/// What the cells of a frame are remembered as.
-/// @param mask   what was taken for dynamic in the end, of the grid's image; of another size: nothing
-/// @param moved  cells that were found by motion
-/// @param state  out
-/// @param age    in and out, as in FreeSpaceVerdicts; 0 where nothing is dynamic
-template <LabelImage Mask>
-void state_cells(const DepthGrid& grid, const Mask& mask, const Image<std::uint8_t>& moved,
-                 Image<std::uint8_t>& state, Image<std::uint8_t>& age) {
-  const int w = grid.image_width();
-  const bool usable = mask.width() == w && mask.height() == grid.image_height();
-  state.resize(grid.width(), grid.height());
-  for (std::size_t c = 0; c < grid.cells(); ++c) {
-    const int pixel = usable ? grid.pixel_of(c) : -1;
-    const bool dynamic = pixel >= 0 && mask(pixel % w, pixel / w) != 0;
-    state.data()[c] = !dynamic ? kCellStatic : moved.data()[c] != 0 ? kCellMoved : kCellSuspected;
-    // A mask that the geometry did not find (the semantic one) counts as fresh evidence.
-    if (!dynamic || age.data()[c] == FreeSpaceVerdicts::kNever) age.data()[c] = 0;
-  }
-}
 
 /// Remembers reduced depth images with their poses and tells which surfaces of a new one lie in space that
 /// was seen to be free (they moved there) or were there already (they are at rest): Eq (6) made dense and
@@ -129,6 +82,15 @@ class FreeSpaceHistory {
       }
       compare(grid, depth, T_c_w, lag, out.age);
     }
+    find_bounds(depth);
+    checked_ = true;
+    out.gone.fill(0.0F);
+    std::size_t last = 0;
+    for (const double age : {options_.follow_lag, options_.old_lag}) {
+      const std::size_t lag = std::min(frames(age), oldest);
+      if (lag > last) find_gone(grid, T_c_w, lag, out.gone);
+      last = lag;
+    }
     const std::size_t carry = frames(options_.carry);
     for (std::size_t c = 0; c < cells; ++c) {
       const bool contradicted = violations_[c] > support_[c];
@@ -150,9 +112,15 @@ class FreeSpaceHistory {
       view = std::move(spare_.back());
       spare_.pop_back();
     }
-    view.bounds.compute(depth.view());
+    if (!std::exchange(checked_, false)) {  // a frame that was not asked about
+      find_bounds(depth);
+      surface_.resize(0, 0);
+    }
+    std::swap(view.bounds, bounds_);
     view.shifted = shift_ > 1;
-    if (view.shifted) view.anywhere.compute(depth.view(), 5, shift_);
+    if (view.shifted) std::swap(view.anywhere, anywhere_);
+    view.depth = depth;
+    view.surface = surface_;
     view.T_c_w = T_c_w;
     view.shutter = shutter_;
     view.state = state;
@@ -192,7 +160,8 @@ class FreeSpaceHistory {
   struct View {
     DepthBounds<float> bounds, anywhere;  // anywhere: within `shift_`, where that is more
     bool shifted = false;
-    Image<std::uint8_t> state, age;
+    Image<std::uint8_t> state, age, surface;
+    Image<float> depth;
     GridShutter shutter;
     SE3<S> T_c_w;
   };
@@ -209,6 +178,11 @@ class FreeSpaceHistory {
     const S cells = (step.translation().norm() + step.so3().log().norm()) * S(grid.fx());
     const S timing = shutter_.moves ? S(0.5) * S(options_.timing) : S(options_.timing);
     return static_cast<int>(std::lround(std::min(S(options_.max_shift), timing * cells)));
+  }
+
+  void find_bounds(const Image<float>& depth) {
+    bounds_.compute(depth.view());
+    if (shift_ > 1) anywhere_.compute(depth.view(), 5, shift_);
   }
 
   /// Cells that lie on one surface, as far as that is known: beside something farther, a cell may show that.
@@ -244,7 +218,8 @@ class FreeSpaceHistory {
         const std::size_t n = std::min(kBlock, cells - c);
         const auto find = shutter_.moves || view.shutter.moves ? &FreeSpaceHistory::find_cells<true>
                                                                : &FreeSpaceHistory::find_cells<false>;
-        (this->*find)(grid, depth, T_v_c, view.shutter, c, std::span(cell).first(n), std::span(z).first(n));
+        (this->*find)(grid, depth, T_v_c, shutter_, view.shutter, c, std::span(cell).first(n),
+                      std::span(z).first(n));
       }
       if (cell[b] < 0) continue;
       const auto q = static_cast<std::size_t>(cell[b]);
@@ -268,6 +243,32 @@ class FreeSpaceHistory {
     }
   }
 
+  /// Surfaces of the view of age `lag` where the present one sees past them.
+  void find_gone(const DepthGrid& grid, const SE3<S>& T_c_w, std::size_t lag, Image<float>& gone) const {
+    constexpr std::size_t kBlock = 64;
+    std::array<int, kBlock> cell;
+    std::array<float, kBlock> z;
+    const View& view = views_[lag - 1];
+    if (view.surface.width() != gone.width()) return;
+    const SE3<S> T_c_v = T_c_w * view.T_c_w.inverse();
+    const auto find = shutter_.moves || view.shutter.moves ? &FreeSpaceHistory::find_cells<true>
+                                                           : &FreeSpaceHistory::find_cells<false>;
+    for (std::size_t first = 0; first < grid.cells(); first += kBlock) {
+      const std::size_t n = std::min(kBlock, grid.cells() - first);
+      (this->*find)(grid, view.depth, T_c_v, view.shutter, shutter_, first, std::span(cell).first(n),
+                    std::span(z).first(n));
+      for (std::size_t k = 0; k < n; ++k) {
+        if (cell[k] < 0 || view.surface.data()[first + k] == 0) continue;
+        const auto q = static_cast<std::size_t>(cell[k]);
+        const auto passes = [&](const DepthBounds<float>& b) {
+          return free_space_evidence(z[k], b.nearest.data()[q], b.farthest.data()[q], options_.margins) ==
+                 DepthEvidence::violation;
+        };
+        if (passes(bounds_) && (shift_ <= 1 || passes(anywhere_))) gone.data()[q] = z[k];
+      }
+    }
+  }
+
   /// By how much one surface may be farther than the nearest in a cell.
   [[nodiscard]] float rim(float z) const {
     return options_.margins.violation_base + options_.margins.violation_quad * z * z;
@@ -284,7 +285,8 @@ class FreeSpaceHistory {
   /// @tparam kRolling  whether rows were read one after the other; to first order, a hundredth of a cell
   template <bool kRolling>
   void find_cells(const DepthGrid& grid, const Image<float>& depths, const SE3<S>& T_v_c,
-                  const GridShutter& then, std::size_t first, std::span<int> cell, std::span<float> z) const {
+                  const GridShutter& from, const GridShutter& then, std::size_t first, std::span<int> cell,
+                  std::span<float> z) const {
     const Eigen::Matrix3f R = T_v_c.rotation_matrix().template cast<float>();
     const Eigen::Vector3f t = T_v_c.translation().template cast<float>();
     const float fx = grid.fx(), fy = grid.fy(), cx = grid.cx(), cy = grid.cy();
@@ -297,8 +299,8 @@ class FreeSpaceHistory {
       float pz, x, y;
       if constexpr (kRolling) {
         // The cell's row is where its ray meets the grid.
-        const float now = shutter_.per_row * (shutter_.middle - (fy * ry[k] + cy));
-        const Vector p = moved({d * rx[k], d * ry[k], d}, shutter_, now);
+        const float now = from.per_row * (from.middle - (fy * ry[k] + cy));
+        const Vector p = moved({d * rx[k], d * ry[k], d}, from, now);
         Vector q{R(0, 0) * p.x + R(0, 1) * p.y + R(0, 2) * p.z + t.x(),
                  R(1, 0) * p.x + R(1, 1) * p.y + R(1, 2) * p.z + t.y(),
                  R(2, 0) * p.x + R(2, 1) * p.y + R(2, 2) * p.z + t.z()};
@@ -339,7 +341,8 @@ class FreeSpaceHistory {
   std::vector<std::uint8_t> violations_, support_;
   int shift_ = 0;  // of the frame last checked
   Image<std::uint8_t> surface_;
-  DepthBounds<float> beside_;
+  DepthBounds<float> beside_, bounds_, anywhere_;  // the last two: of the frame last checked
+  bool checked_ = false;                           // and not yet remembered
 };
 
 }  // namespace dynslam

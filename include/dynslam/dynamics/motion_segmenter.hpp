@@ -17,11 +17,12 @@
 #include "dynslam/dynamics/depth_grid.hpp"
 #include "dynslam/dynamics/free_space.hpp"
 #include "dynslam/dynamics/free_space_history.hpp"
+#include "dynslam/dynamics/keypoint_bodies.hpp"
 #include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/method.hpp"
 #include "dynslam/dynamics/motion.hpp"
 #include "dynslam/dynamics/motion_segmenter_options.hpp"
-#include "dynslam/dynamics/moves_as_one.hpp"
+#include "dynslam/dynamics/moved_outlines.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
 #include "dynslam/features/corners.hpp"
@@ -31,7 +32,6 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/image/image_view.hpp"
 #include "dynslam/image/pyramid.hpp"
-#include "dynslam/segment/keypoint_territories.hpp"
 #include "dynslam/segment/mask_completion.hpp"
 #include "dynslam/segment/mask_delay.hpp"
 #include "dynslam/segment/mask_growing.hpp"
@@ -101,14 +101,19 @@ class MotionSegmenter {
     } else {
       verdicts_.clear(grid_.width(), grid_.height());
     }
-    add_keypoint_seeds();
-    bodies_ = 0;
-    if (options_.method == Method::full) add_bodies(depth, T_c_w);
+    bodies_.place(motion_.matches, judged_, grid_, depth_, options_.keypoint_seeds,
+                  options_.free_space.margins, verdicts_);
+    if (options_.method == Method::full) {
+      bodies_.find(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(), depth, T_c_w,
+                   depth_, options_, locating_, verdicts_);
+      heed_outlines(depth, T_c_w);
+    }
     on_stage(MotionStage::free_space);
     const MaskGrowingResult grown =
         grow_mask(depth_.view(), state_.view(), verdicts_.seed.view(), verdicts_.barrier.view(),
                   verdicts_.age.view(), cell_mask_.view(), options_.growing, growing_);
-    if (bodies_ > 0) complete_bodies();
+    bodies_.complete(depth_, options_.keypoint_seeds, options_.growing, cell_mask_.view(), growing_.growing,
+                     verdicts_);
     motion_.verified = verdicts_.verified;
     motion_.seeds = grown.seeds;
     motion_.regions_leaked = grown.regions_leaked;
@@ -248,102 +253,23 @@ class MotionSegmenter {
     return T_depth_c_ ? *T_depth_c_ * T_c_w : T_c_w;
   }
 
-  void add_keypoint_seeds() {
-    const S radius = S(options_.keypoint_seeds.radius * grid_.image_width());
-    const int rim = static_cast<int>(std::lround(options_.keypoint_seeds.rim * grid_.width()));
-    const int w = grid_.width(), h = grid_.height();
-    sites_.clear();
-    site_match_.clear();
-    for (std::size_t k = 0; k < motion_.matches.size(); ++k) {
-      const JudgedMatch<S>& m = motion_.matches[k];
-      const int c = grid_.cell_at(static_cast<float>(m.x_m.x()), static_cast<float>(m.x_m.y()));
-      if (c < 0) continue;
-      const int i = c % w, j = c / w;
-      if (!m.dynamic) {
-        sites_.push_back({i, j, false});
-        site_match_.push_back(judged_[k]);
-        continue;
-      }
-      int near = 0, near_static = 0;
-      for (const JudgedMatch<S>& other : motion_.matches) {
-        if ((other.x_m - m.x_m).cwiseAbs().maxCoeff() > radius) continue;
-        ++(other.dynamic ? near : near_static);
-      }
-      if (near < near_static) continue;
-      if (!beside_nearer(depth_, i, j, rim, options_.free_space.margins)) {
-        sites_.push_back({i, j, true});
-        site_match_.push_back(judged_[k]);
-      }
-      if (near < options_.keypoint_seeds.support) continue;
-      for (int y = std::max(0, j - 1); y <= std::min(h - 1, j + 1); ++y) {
-        for (int x = std::max(0, i - 1); x <= std::min(w - 1, i + 1); ++x) {
-          take_for_moving(static_cast<std::size_t>(y * w + x));
-        }
-      }
-    }
-  }
-
-  /// Lets keypoints that move as one body speak for the surface that they lie on.
+  /// What the outlines of surfaces say: movers move whole, and what rests is no longer carried as a mover.
   template <class D>
-  void add_bodies(const D& depth, const SE3<S>& T_c_w) {
-    const KeypointSeedOptions& o = options_.keypoint_seeds;
-    const TerritoryOptions territory{static_cast<int>(std::lround(o.territory * grid_.width())), o.body};
-    const int parts = keypoint_territories(depth_, std::span<const VerdictSite>(sites_),
-                                           options_.growing.step, territory, parts_, territories_);
-    for (int part = 1; part <= parts; ++part) {
-      if (territories_.keypoints[static_cast<std::size_t>(part)] < o.body) continue;
-      body_.clear();
-      for (std::size_t k = 0; k < sites_.size(); ++k) {
-        if (sites_[k].moving && parts_(sites_[k].u, sites_[k].v) == part)
-          body_.push_back(matches_[site_match_[k]]);
-      }
-      if (!moves_as_one(rolling(), std::span<const KeypointMatch<S>>(body_), reference_.T_c_w(), depth, T_c_w,
-                        S(o.agreeing), options_.locating, locating_))
-        continue;
-      if (bodies_++ == 0) {
-        votes_.resize(grid_.width(), grid_.height());
-        votes_.fill(0);
-        for (const VerdictSite& s : sites_) {
-          if (!s.moving) votes_(s.u, s.v) = kForRest;
-        }
-      }
-      for (const VerdictSite& s : sites_) {
-        if (s.moving && parts_(s.u, s.v) == part) votes_(s.u, s.v) = kForBody;
-      }
-      for (std::size_t c = 0; c < grid_.cells(); ++c) {
-        if (parts_.data()[c] != part) continue;
-        take_for_moving(c);
-        verdicts_.verified.data()[c] = 0;
-      }
-    }
-  }
-
-  /// Where a body's keypoints stand on a surface, and hardly one at rest, all of the surface is the body. As
-  /// far as it slides in its own plane the depth takes it for verified, which it is not.
-  void complete_bodies() {
-    const KeypointSeedOptions& o = options_.keypoint_seeds;
-    const auto share = [&](std::span<const PixelRun> runs) {
-      int body = 0, rest = 0;
-      for (const PixelRun& run : runs) {
-        for (int u = run.begin; u < run.end; ++u) {
-          body += votes_(u, run.v) == kForBody ? 1 : 0;
-          rest += votes_(u, run.v) == kForRest ? 1 : 0;
-        }
-      }
-      return body >= o.body && body >= o.outvoting * rest ? o.body_share : 2.0;
+  void heed_outlines(const D& depth, const SE3<S>& T_c_w) {
+    const MovedOutlineOptions& o = options_.outlines;
+    const auto surfaces =
+        watch_outlines(depth_, verdicts_, options_.growing.step, options_.free_space.margins, o, outlines_);
+    const auto at_rest = [&](const SurfaceOutline& s) {
+      return bodies_.at_rest(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(),
+                             depth, T_c_w, options_.locating, outlines_.runs_of(s));
     };
-    if (complete_surfaces(depth_, cell_mask_.view(), options_.growing.step, share,
-                          options_.growing.max_fraction, growing_.growing) == 0)
-      return;
-    for (std::size_t c = 0; c < grid_.cells(); ++c) {
-      if (cell_mask_.data()[c] != 0) verdicts_.verified.data()[c] = 0;
+    for (const SurfaceOutline& s : surfaces) {
+      if (s.still(o, options_.growing.min_seeds)) {
+        outlines_.for_each_cell(s, [&](int u, int v) { verdicts_.seed(u, v) = 0; });
+      } else if (outline_moved(s, surfaces, o, at_rest)) {
+        outlines_.for_each_cell(s, [&](int u, int v) { verdicts_.doubt(u, v); });
+      }
     }
-  }
-
-  void take_for_moving(std::size_t cell) {
-    verdicts_.seed.data()[cell] = 1;
-    verdicts_.barrier.data()[cell] = 0;
-    verdicts_.age.data()[cell] = 0;
   }
 
   void take_reference(const SE3<S>& T_c_w) {
@@ -374,8 +300,8 @@ class MotionSegmenter {
   double depth_delay_ = 0;
   RollingShutter<S> shutter_;  // and how the camera moved meanwhile
   ReferenceKeyframe<S> reference_;
-  int reference_age_ = 0, bodies_ = 0;  // frames; parts that move as one
-  std::vector<KeypointMatch<S>> matches_, body_;
+  int reference_age_ = 0;  // frames
+  std::vector<KeypointMatch<S>> matches_;
   LocateWorkspace<S> locating_;
   StaticWeightsWorkspace<S> weights_;
   FreeSpaceHistory<S> history_;
@@ -385,12 +311,9 @@ class MotionSegmenter {
   MaskGrowingWorkspace growing_;
   UnmeasuredWorkspace unmeasured_;
   MaskDelayWorkspace delay_;
-  std::vector<VerdictSite> sites_;
-  std::vector<std::size_t> judged_, site_match_;  // in matches_, of motion_.matches and of sites_
-  Image<int> parts_;                              // of the cells, by body
-  TerritoryWorkspace territories_;
-  enum Vote : std::uint8_t { kForBody = 1, kForRest = 2 };
-  Image<std::uint8_t> votes_;  // of keypoints, by cell
+  std::vector<std::size_t> judged_;  // in matches_, of motion_.matches
+  KeypointBodies<S> bodies_;
+  MovedOutlineWorkspace outlines_;
   CornerWorkspace corner_workspace_;
   std::vector<Eigen::Vector2i> corners_;
   std::vector<ReferenceKeypoint<S>> keypoints_;

@@ -7,6 +7,7 @@
 #include "dynslam/dynamics/free_space_history.hpp"
 #include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/method.hpp"
+#include "dynslam/dynamics/moved_outlines.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
 #include "dynslam/features/corners.hpp"
@@ -27,7 +28,7 @@ struct KeypointSeedOptions {
   /// never.
   double territory = 0.05;
   /// How near to something nearer, as a share of the image's width, a keypoint's patch may show the other's
-  /// rim, which moves then, so that it does not count for a body here.
+  /// rim, which moves then, so that it does not speak for what is here.
   double rim = 1 / 80.0;
   int body = 15;
   double agreeing = 0.8;
@@ -56,6 +57,7 @@ struct MotionSegmenterOptions {
   KeypointSeedOptions keypoint_seeds;
   DepthGridOptions grid;
   FreeSpaceOptions free_space;
+  MovedOutlineOptions outlines;  ///< an addition to the paper
   MaskGrowingOptions growing;
   UnmeasuredOptions unmeasured;
   MaskDelayOptions delay;

@@ -47,6 +47,31 @@ struct MaskGrowingWorkspace {
 };
 
 namespace detail {
+/// Clears seeds of which fewer than `least` lie beside each other on one surface: one that a mover's rim left
+/// on the wall behind it is no evidence that the wall moves, however many the mover has.
+template <class D, class Seed, class Step>
+void remove_small_groups(const D& depth, Seed&& seed, int least, const Step& step, MaskGrowingWorkspace& ws) {
+  const int w = depth.width(), h = depth.height();
+  ws.zone.resize(w, h);
+  for (int v = 0; v < h; ++v) {
+    for (int u = 0; u < w; ++u) ws.zone(u, v) = seed(u, v) == 0 ? 1 : 0;
+  }
+  const auto outside = ws.zone.view();
+  GrowingField field(depth, outside, step, ws.growing.words);
+  std::vector<PixelRun>& runs = ws.growing.runs;
+  for (int v = 0; v < h; ++v) {
+    for (int u = 0; u < w; ++u) {
+      if (!field.open(u, v)) continue;
+      runs.clear();
+      if (field.template take_region<Connectivity::eight>(u, v, runs) >= static_cast<std::size_t>(least))
+        continue;
+      for (const PixelRun& run : runs) {
+        for (int x = run.begin; x < run.end; ++x) seed(x, run.v) = 0;
+      }
+    }
+  }
+}
+
 /// Makes what of the mask is no seed as old as the evidence on its surface: as its newest quarter, since one
 /// false seed must not keep a surface young. What is on no seed's surface is past every age but the one that
 /// says never.
@@ -112,9 +137,10 @@ MaskGrowingResult grow_mask(const D& depth, const Last& last, Seed&& seed, Barri
       same_size(depth, seed) && same_size(depth, barrier) && same_size(depth, age) && same_size(depth, mask),
       "all images have the size of the depth image");
   MaskGrowingResult result;
-  remove_small(seed, options.min_seeds, ws.morphology);
+  using S = typename D::Pixel;
+  const RelativeStep<S> step{static_cast<S>(options.step.base), static_cast<S>(options.step.quad)};
+  detail::remove_small_groups(depth, seed, options.min_seeds, step, ws);
   ws.seeds.clear();
-  ws.zone.resize(w, h);
   for (int v = 0; v < h; ++v) {
     for (int u = 0; u < w; ++u) {
       if (seed(u, v) != 0) ws.seeds.push_back({u, v});
@@ -132,8 +158,6 @@ MaskGrowingResult grow_mask(const D& depth, const Last& last, Seed&& seed, Barri
       }
     }
   }
-  using S = typename D::Pixel;
-  const RelativeStep<S> step{static_cast<S>(options.step.base), static_cast<S>(options.step.quad)};
   RegionGrowingOptions growing;
   growing.max_region_fraction = options.max_fraction;
   growing.max_total_fraction = std::max(growing.max_total_fraction, options.max_fraction);

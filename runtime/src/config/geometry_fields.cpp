@@ -157,6 +157,20 @@ void list(FieldList& f, MaskDelayOptions& o) {
     kShare);
 }
 
+void list(FieldList& f, MovedOutlineOptions& o) {
+  f("share", o.share, "", "share of a surface's outline that has moved where it is a mover; above 1: never",
+    between(0, 2));
+  f("sure", o.sure, "", "share from which on nothing speaks against that", between(0, 2));
+  f("moved", o.moved, "cells", "least part of an outline that has moved", kCount);
+  f("at_rest", o.at_rest, "", "keypoints at rest on a mover at most, below `sure`", kCount);
+  f("others", o.others, "", "share of the other outlines that may have moved, below `sure`", kShare);
+  f("still", o.still, "cells", "outline that shows, by not having moved, that its surface rests; 0: never",
+    kCount);
+  f("surface", o.surface, "cells", "smallest surface", kCount);
+  f("gap", o.gap, "cells", "without depth between a surface and what lies behind it, at most", kCount);
+  f("beside", o.beside, "cells", "beside an outline in which what has gone or come is looked for", kCount);
+}
+
 void list(FieldList& f, MotionSegmenterOptions<double>& o) {
   // left out: method: [tracker] method goes for all
   // left out: own_reference: the tracker's keyframes are the references
@@ -166,6 +180,7 @@ void list(FieldList& f, MotionSegmenterOptions<double>& o) {
   f.table("keypoint_seeds", o.keypoint_seeds);
   f.table("grid", o.grid);
   f.table("free_space", o.free_space);
+  f.table("outlines", o.outlines);
   f.table("growing", o.growing);
   f.table("unmeasured", o.unmeasured);
   f.table("delay", o.delay);

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "dynslam/concepts/camera.hpp"
+#include "dynslam/concepts/image.hpp"
+#include "dynslam/dynamics/depth_grid.hpp"
+#include "dynslam/dynamics/free_space.hpp"
+#include "dynslam/dynamics/free_space_verdicts.hpp"
+#include "dynslam/dynamics/locate_reference.hpp"
+#include "dynslam/dynamics/motion.hpp"
+#include "dynslam/dynamics/motion_segmenter_options.hpp"
+#include "dynslam/dynamics/moves_as_one.hpp"
+#include "dynslam/geometry/se3.hpp"
+#include "dynslam/image/image.hpp"
+#include "dynslam/segment/keypoint_territories.hpp"
+#include "dynslam/segment/mask_completion.hpp"
+
+namespace dynslam {
+
+/// What the judged keypoints of a frame say of the cells around them and of the bodies that they stand on.
+/// Memory is kept between frames.
+template <std::floating_point S>
+class KeypointBodies {
+ public:
+  /// Puts the keypoints into the grid, and starts the growing where many that are close together move.
+  /// @param judged  index of each of `matches` in what was matched
+  void place(std::span<const JudgedMatch<S>> matches, std::span<const std::size_t> judged,
+             const DepthGrid& grid, const Image<float>& depth, const KeypointSeedOptions& options,
+             const FreeSpaceMargins<float>& margins, FreeSpaceVerdicts& verdicts) {
+    const S radius = S(options.radius * grid.image_width());
+    const int rim = static_cast<int>(std::lround(options.rim * grid.width()));
+    const int w = grid.width(), h = grid.height();
+    bodies_ = 0;
+    sites_.clear();
+    site_match_.clear();
+    for (std::size_t k = 0; k < matches.size(); ++k) {
+      const JudgedMatch<S>& m = matches[k];
+      const int c = grid.cell_at(static_cast<float>(m.x_m.x()), static_cast<float>(m.x_m.y()));
+      if (c < 0) continue;
+      const int i = c % w, j = c / w;
+      int near = 0, near_static = 0;
+      if (m.dynamic) {
+        for (const JudgedMatch<S>& other : matches) {
+          if ((other.x_m - m.x_m).cwiseAbs().maxCoeff() > radius) continue;
+          ++(other.dynamic ? near : near_static);
+        }
+        if (near < near_static || beside_nearer(depth, i, j, rim, margins)) continue;
+      }
+      sites_.push_back({i, j, m.dynamic});
+      site_match_.push_back(judged[k]);
+      if (!m.dynamic || near < options.support) continue;
+      for (int y = std::max(0, j - 1); y <= std::min(h - 1, j + 1); ++y) {
+        for (int x = std::max(0, i - 1); x <= std::min(w - 1, i + 1); ++x) verdicts.take_for_moving(x, y);
+      }
+    }
+  }
+
+  /// Lets keypoints that move as one body speak for the surface that they lie on.
+  template <DifferentiableCameraOf<S> Camera, DepthImage D>
+  void find(const Camera& camera, std::span<const KeypointMatch<S>> matches, const SE3<S>& T_ref_w,
+            const D& image, const SE3<S>& T_c_w, const Image<float>& depth,
+            const MotionSegmenterOptions<S>& options, LocateWorkspace<S>& locating,
+            FreeSpaceVerdicts& verdicts) {
+    const KeypointSeedOptions& o = options.keypoint_seeds;
+    const TerritoryOptions territory{static_cast<int>(std::lround(o.territory * depth.width())), o.body};
+    const int parts = keypoint_territories(depth, std::span<const VerdictSite>(sites_), options.growing.step,
+                                           territory, parts_, territories_);
+    for (int part = 1; part <= parts; ++part) {
+      if (territories_.keypoints[static_cast<std::size_t>(part)] < o.body) continue;
+      body_.clear();
+      for (std::size_t k = 0; k < sites_.size(); ++k) {
+        if (sites_[k].moving && parts_(sites_[k].u, sites_[k].v) == part)
+          body_.push_back(matches[site_match_[k]]);
+      }
+      if (!moves_as_one(camera, std::span<const KeypointMatch<S>>(body_), T_ref_w, image, T_c_w,
+                        S(o.agreeing), options.locating, locating))
+        continue;
+      if (bodies_++ == 0) {
+        votes_.resize(depth.width(), depth.height());
+        votes_.fill(0);
+        for (const VerdictSite& s : sites_) {
+          if (!s.moving) votes_(s.u, s.v) = kForRest;
+        }
+      }
+      for (const VerdictSite& s : sites_) {
+        if (s.moving && parts_(s.u, s.v) == part) votes_(s.u, s.v) = kForBody;
+      }
+      for (int v = 0; v < depth.height(); ++v) {
+        for (int u = 0; u < depth.width(); ++u) {
+          if (parts_(u, v) == part) verdicts.doubt(u, v);
+        }
+      }
+    }
+  }
+
+  /// Where a body's keypoints stand on a surface, and hardly one at rest, all of the surface is the body. As
+  /// far as it slides in its own plane the depth takes it for verified, which it is not.
+  template <OutputLabelImage Mask>
+  void complete(const Image<float>& depth, const KeypointSeedOptions& o, const MaskGrowingOptions& growing,
+                Mask&& mask, RegionGrowingWorkspace& ws, FreeSpaceVerdicts& verdicts) const {
+    if (bodies_ == 0) return;
+    const auto share = [&](std::span<const PixelRun> runs) {
+      int body = 0, rest = 0;
+      for (const PixelRun& run : runs) {
+        for (int u = run.begin; u < run.end; ++u) {
+          body += votes_(u, run.v) == kForBody ? 1 : 0;
+          rest += votes_(u, run.v) == kForRest ? 1 : 0;
+        }
+      }
+      return body >= o.body && body >= o.outvoting * rest ? o.body_share : 2.0;
+    };
+    if (complete_surfaces(depth, mask, growing.step, share, growing.max_fraction, ws) == 0) return;
+    for (int v = 0; v < depth.height(); ++v) {
+      for (int u = 0; u < depth.width(); ++u) {
+        if (mask(u, v) != 0) verdicts.verified(u, v) = 0;
+      }
+    }
+  }
+
+  /// Counts the keypoints on a surface that are where they should be if it rests: what is judged by the scale
+  /// of all residuals may rest as well where most of them move.
+  template <DifferentiableCameraOf<S> Camera, DepthImage D>
+  [[nodiscard]] int at_rest(const Camera& camera, std::span<const KeypointMatch<S>> matches,
+                            const SE3<S>& T_ref_w, const D& image, const SE3<S>& T_c_w,
+                            const LocateOptions<S>& options, std::span<const PixelRun> surface) const {
+    const SE3<S> T_w_ref = T_ref_w.inverse();
+    int n = 0;
+    for (std::size_t k = 0; k < sites_.size(); ++k) {
+      const VerdictSite& s = sites_[k];
+      const auto holds = [&](const PixelRun& r) { return r.v == s.v && s.u >= r.begin && s.u < r.end; };
+      if (std::ranges::none_of(surface, holds)) continue;
+      const auto o = reference_observation(matches[site_match_[k]], T_w_ref, image, options);
+      n += observation_chi2(camera, T_c_w, o) < options.consensus.truncation ? 1 : 0;
+    }
+    return n;
+  }
+
+ private:
+  std::vector<VerdictSite> sites_;
+  std::vector<std::size_t> site_match_;  // of sites_
+  std::vector<KeypointMatch<S>> body_;
+  int bodies_ = 0;    // parts that move as one
+  Image<int> parts_;  // of the cells, by body
+  TerritoryWorkspace territories_;
+  enum Vote : std::uint8_t { kForBody = 1, kForRest = 2 };
+  Image<std::uint8_t> votes_;  // of keypoints, by cell
+};
+
+}  // namespace dynslam
