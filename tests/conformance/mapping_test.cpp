@@ -179,6 +179,7 @@ TEST_CASE_TEMPLATE("features in the pixels of every camera make points, poses an
   REQUIRE(result.ok());
   CHECK((believed.pose.T_c_w * result.T_c_w.inverse()).log().norm() < S(1e-6));
   CHECK((result.T_c_w * wall.T_c1_w.inverse()).log().norm() < S(1e-3));
+  CHECK(pose.mean_chi2(result.T_c_w, S(25)) < S(0.1));
   second.T_c_w = SE3<S>();
   wall.map.add_keyframe(second);
   BundleWindow<S> window;

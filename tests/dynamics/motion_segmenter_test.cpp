@@ -271,6 +271,7 @@ TEST_CASE_TEMPLATE("a board that slides in its plane from the first frame on is 
   const auto found = [&](double territory, double body_share, bool mostly_plain, bool outlines = false) {
     MotionSegmenterOptions<S> options;
     if (!outlines) options.outlines.share = 2;
+    options.outlines.keypoints = 0;
     options.keypoint_seeds.territory = territory;
     options.keypoint_seeds.body_share = body_share;
     MotionSegmenter<S, Pinhole<S>> segmenter(camera, options);
@@ -298,6 +299,62 @@ TEST_CASE_TEMPLATE("a board that slides in its plane from the first frame on is 
   CHECK(found(usual.territory, usual.body_share, true) > 0.85);
   // And its outline speaks for all of it, textured or not.
   CHECK(found(0, kNever, true, true) > 0.85);
+}
+
+TEST_CASE_TEMPLATE("a board that has most of the keypoints is found whole in the second frame already", S,
+                   float, double) {
+  const Pinhole<S> camera{S(230), S(230), S(119.5), S(89.5)};
+  const auto found = [&](int keypoints) {
+    MotionSegmenterOptions<S> options;
+    options.outlines.keypoints = keypoints;
+    MotionSegmenter<S, Pinhole<S>> segmenter(camera, options);
+    SceneRenderer<Pinhole<S>> view(camera, kWidth, kHeight);
+    MovingScene scene;
+    scene.half = 0.55;
+    scene.standing.x() = 2;  // out of view
+    double result = 0;
+    for (int k = 0; k < 2; ++k) {
+      view.render(scene, camera_at(k));
+      const SE3<S> T_c_w = camera_at(k).inverse().template cast<S>();
+      const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), T_c_w);
+      result = overlap(motion.mask, view.moving);
+      segmenter.remember(T_c_w, motion.mask);
+      scene.board.x() += 0.04;
+    }
+    return result;
+  };
+  CHECK(found(0) < 0.5);
+  CHECK(found(MovedOutlineOptions().keypoints) > 0.9);
+}
+
+TEST_CASE_TEMPLATE(
+    "the foreground is marked before a frame is segmented, and changes nothing of what is found", S, float,
+    double) {
+  const Pinhole<S> camera{S(230), S(230), S(119.5), S(89.5)};
+  SceneRenderer<Pinhole<S>> view(camera, kWidth, kHeight);
+  MotionSegmenter<S, Pinhole<S>> asked(camera), other(camera);
+  MovingScene scene;
+  for (int k = 0; k < 8; ++k) {
+    view.render(scene, camera_at(k));
+    Image<std::uint8_t> foreground(kWidth, kHeight, 0), boards(kWidth, kHeight, 0);
+    REQUIRE(asked.mark_foreground(view.depth.view(), foreground.view()));
+    for (int v = 0; v < kHeight; ++v) {
+      for (int u = 0; u < kWidth; ++u) boards(u, v) = view.depth(u, v) < 2.5F ? 255 : 0;
+    }
+    CHECK(overlap(foreground, boards) > 0.9);
+    const SE3<S> T_c_w = camera_at(k).inverse().template cast<S>();
+    const auto& a = asked.segment(view.gray.view(), view.depth.view(), T_c_w);
+    const auto& b = other.segment(view.gray.view(), view.depth.view(), T_c_w);
+    CHECK(overlap(a.mask, b.mask) == 1.0);
+    asked.remember(T_c_w, a.mask);
+    other.remember(T_c_w, b.mask);
+    scene.board.x() += 0.012;
+  }
+  Image<std::uint8_t> small(kWidth / 2, kHeight, 0);
+  CHECK_FALSE(asked.mark_foreground(view.depth.view(), small.view()));
+  const Image<float> other_size(kWidth, kHeight / 2, 1.0F);
+  Image<std::uint8_t> out(kWidth, kHeight / 2, 0);
+  CHECK_FALSE(asked.mark_foreground(other_size.view(), out.view()));
 }
 
 TEST_CASE_TEMPLATE("the rim of a board makes no mover of the wall behind it", S, float, double) {

@@ -4,6 +4,7 @@
 #include <doctest/doctest.h>
 
 #include "dynslam/dynamics/free_space_history.hpp"
+#include "dynslam/dynamics/keypoint_bodies.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
 
@@ -60,8 +61,7 @@ struct OutlineScene {
         if (x == u && y == v) surface = &s;
       });
     REQUIRE(surface != nullptr);
-    return outline_moved(*surface, std::span<const SurfaceOutline>(ws.surfaces), options,
-                         [&](const SurfaceOutline&) { return at_rest; });
+    return outline_moved(*surface, std::span<const SurfaceOutline>(ws.surfaces), options, at_rest);
   }
 };
 
@@ -103,6 +103,37 @@ TEST_CASE(
   CHECK_FALSE(s.moved(35, 30, s.options.at_rest + 1));
 }
 
+TEST_CASE_TEMPLATE("what stands before the rest of the view is told from what lies behind", S, float,
+                   double) {
+  OutlineScene<S> s;
+  s.look(100);
+  CHECK(s.at(40, 30).in_foreground(s.options));
+  CHECK(s.at(40, 30).hidden == 0);
+  CHECK_FALSE(s.at(2, 2).in_foreground(s.options));  // the wall
+  CHECK(s.at(2, 2).hidden == s.at(40, 30).cells);
+  CHECK(s.at(2, 2).cells == 0);
+}
+
+TEST_CASE(
+    "a surface is a mover by its keypoints where they have moved and the others rest, and many of all are "
+    "its") {
+  SurfaceOutline s;
+  s.cells = 90;
+  s.hidden = 10;
+  const MovedOutlineOptions options;
+  const auto moved = [&](KeypointCount on_it, KeypointCount all) {
+    return keypoints_moved(s, on_it, all, options);
+  };
+  CHECK(moved({100, 5}, {150, 50}));
+  CHECK_FALSE(moved({100, 30}, {150, 80}));  // it rests in part
+  CHECK_FALSE(moved({100, 5}, {150, 20}));   // nothing rests: the pose is wrong
+  CHECK_FALSE(moved({100, 5}, {110, 15}));   // next to nothing is left to tell
+  CHECK_FALSE(moved({30, 0}, {150, 120}));   // few of all: the residuals' scale is the others'
+  CHECK_FALSE(moved({14, 0}, {29, 15}));
+  s.hidden = 50;  // something nearer hides it in part: it may be the room
+  CHECK_FALSE(moved({100, 5}, {150, 50}));
+}
+
 TEST_CASE("where all outlines have moved a little, the pose is wrong and nobody moves") {
   std::vector<SurfaceOutline> surfaces(2);
   for (SurfaceOutline& s : surfaces) {
@@ -111,8 +142,7 @@ TEST_CASE("where all outlines have moved a little, the pose is wrong and nobody 
   }
   const MovedOutlineOptions options;
   const auto moved = [&] {
-    return outline_moved(surfaces[0], std::span<const SurfaceOutline>(surfaces), options,
-                         [](const SurfaceOutline&) { return 0; });
+    return outline_moved(surfaces[0], std::span<const SurfaceOutline>(surfaces), options, 0);
   };
   CHECK_FALSE(moved());
   surfaces[1].moved = 5;

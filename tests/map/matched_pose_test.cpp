@@ -83,6 +83,10 @@ TEST_CASE_TEMPLATE("a mover before any camera loses its matches to the consensus
   for (const Eigen::Vector2i* weigh_in : weighting) {
     const SE3<S> T = pose.consensus(sight.start(), alternatives, options, weigh_in);
     CHECK(sight.error(T) < S(0.01));
+    // A third of the matches is off and counts as 25 each; the others hardly count.
+    const S off = S(25) * S(mover) / S(sight.frame.features.size() - 1);
+    CHECK(std::abs(pose.mean_chi2(T, S(25)) - off) < S(0.2));
+    CHECK(pose.mean_chi2(sight.start(), S(25)) > pose.mean_chi2(T, S(25)));
     Frame<S> frame = sight.frame;
     pose.keep_consistent(T, S(25), frame);
     for (std::size_t i = 0; i < frame.point.size(); ++i) CHECK((frame.point[i] < 0) == (i < mover));

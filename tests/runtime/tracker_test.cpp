@@ -14,7 +14,9 @@
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/synth/synth.hpp"
 #include "run_fixture.hpp"
 
 using namespace dynslam;
@@ -271,4 +273,33 @@ TEST_CASE("a mask that kept the room out of the map does not lose the camera whe
   // Where geometry tells what stands, the first keyframe has points under the mask, too.
   CHECK(lost_frames(DynamicsMode::both, false) == 0);
   CHECK(lost_frames(DynamicsMode::both, true) == 0);
+}
+
+TEST_CASE(
+    "a board that is carried from the first frame on and has most of the features is not taken for the "
+    "room") {
+  const test::TemporaryFolder folder;
+  SynthOptions scene;
+  scene.scenario = "board";
+  scene.path = "xyz";
+  scene.seed = 3;
+  scene.frames = 8;
+  synthesize(scene, folder.path);
+  const Sequence sequence = load_sequence(folder.path);
+  const CameraConfig camera = load_camera(sequence.camera_hint);
+  const auto truth = read_trajectory(folder.path / "groundtruth.txt");
+  const auto error = [&](std::size_t young_frames) {  // of the last frame's place beside the first [m]
+    TrackerOptions o = options(DynamicsMode::geometric);
+    o.seed = 3;
+    o.search.young_frames = young_frames;
+    Tracker tracker(camera, o);
+    TrackResult last;
+    for (std::size_t i = 0; i < sequence.frames.size(); ++i)
+      last = tracker.track(decode_frame(sequence.frames[i], i, camera), std::nullopt);
+    CHECK(last.state == TrackingState::tracked);
+    const SE3<double> T_first_last = truth.front().T_w_c.inverse() * truth.back().T_w_c;
+    return (T_first_last.inverse() * last.T_w_c).translation().norm();
+  };
+  CHECK(error(0) > 0.05);
+  CHECK(error(PoseSearchOptions().young_frames) < 0.005);
 }

@@ -6,6 +6,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <numeric>
 #include <span>
 #include <vector>
 
@@ -17,6 +18,7 @@
 #include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/motion.hpp"
 #include "dynslam/dynamics/motion_segmenter_options.hpp"
+#include "dynslam/dynamics/moved_outlines.hpp"
 #include "dynslam/dynamics/moves_as_one.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/image/image.hpp"
@@ -24,6 +26,11 @@
 #include "dynslam/segment/mask_completion.hpp"
 
 namespace dynslam {
+
+/// Keypoints, and how many of them are at rest.
+struct KeypointCount {
+  int all = 0, at_rest = 0;
+};
 
 /// What the judged keypoints of a frame say of the cells around them and of the bodies that they stand on.
 /// Memory is kept between frames.
@@ -125,27 +132,39 @@ class KeypointBodies {
     }
   }
 
-  /// Counts the keypoints on a surface that are where they should be if it rests: what is judged by the scale
-  /// of all residuals may rest as well where most of them move.
+  /// Looks which keypoints are where they should be if they rest: what is judged by the scale of all
+  /// residuals may rest as well where most of them move.
   template <DifferentiableCameraOf<S> Camera, DepthImage D>
-  [[nodiscard]] int at_rest(const Camera& camera, std::span<const KeypointMatch<S>> matches,
-                            const SE3<S>& T_ref_w, const D& image, const SE3<S>& T_c_w,
-                            const LocateOptions<S>& options, std::span<const PixelRun> surface) const {
+  void find_rest(const Camera& camera, std::span<const KeypointMatch<S>> matches, const SE3<S>& T_ref_w,
+                 const D& image, const SE3<S>& T_c_w, const LocateOptions<S>& options) {
     const SE3<S> T_w_ref = T_ref_w.inverse();
-    int n = 0;
+    rest_.clear();
+    for (const std::size_t match : site_match_) {
+      const auto o = reference_observation(matches[match], T_w_ref, image, options);
+      rest_.push_back(observation_chi2(camera, T_c_w, o) < options.consensus.truncation ? 1 : 0);
+    }
+  }
+  /// Counts the keypoints on a surface and how many of them find_rest() found at rest.
+  [[nodiscard]] KeypointCount count(std::span<const PixelRun> surface) const {
+    KeypointCount n;
     for (std::size_t k = 0; k < sites_.size(); ++k) {
       const VerdictSite& s = sites_[k];
       const auto holds = [&](const PixelRun& r) { return r.v == s.v && s.u >= r.begin && s.u < r.end; };
       if (std::ranges::none_of(surface, holds)) continue;
-      const auto o = reference_observation(matches[site_match_[k]], T_w_ref, image, options);
-      n += observation_chi2(camera, T_c_w, o) < options.consensus.truncation ? 1 : 0;
+      ++n.all;
+      n.at_rest += rest_[k];
     }
     return n;
+  }
+  /// All of them.
+  [[nodiscard]] KeypointCount count() const {
+    return {static_cast<int>(rest_.size()), std::accumulate(rest_.begin(), rest_.end(), 0)};
   }
 
  private:
   std::vector<VerdictSite> sites_;
   std::vector<std::size_t> site_match_;  // of sites_
+  std::vector<std::uint8_t> rest_;       // likewise
   std::vector<KeypointMatch<S>> body_;
   int bodies_ = 0;    // parts that move as one
   Image<int> parts_;  // of the cells, by body
@@ -153,5 +172,18 @@ class KeypointBodies {
   enum Vote : std::uint8_t { kForBody = 1, kForRest = 2 };
   Image<std::uint8_t> votes_;  // of keypoints, by cell
 };
+
+/// Whether a surface is a mover by its keypoints: it stands before the rest of the view, hardly one of them
+/// rests, and most of the others do. Unlike what is judged by the scale of all residuals this holds where
+/// most keypoints of the view are a mover's.
+[[nodiscard]] inline bool keypoints_moved(const SurfaceOutline& s, const KeypointCount& on_it,
+                                          const KeypointCount& all, const MovedOutlineOptions& options) {
+  if (options.keypoints == 0 || on_it.all < options.keypoints ||
+      on_it.all < options.keypoint_share * all.all || !s.in_foreground(options))
+    return false;
+  const KeypointCount others{all.all - on_it.all, all.at_rest - on_it.at_rest};
+  return on_it.at_rest <= options.resting * on_it.all && others.all >= options.keypoints &&
+         2 * others.at_rest >= others.all;
+}
 
 }  // namespace dynslam

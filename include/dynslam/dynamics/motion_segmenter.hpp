@@ -155,6 +155,26 @@ class MotionSegmenter {
     return located;
   }
 
+  /// Marks what stands before the rest of the view (in_foreground() of its surfaces) with 255, before the
+  /// frame is segmented. @return false, with nothing marked: an image of another size than the first one
+  template <DepthImage D, OutputLabelImage Mask>
+  bool mark_foreground(const D& depth, Mask&& out) {
+    if (!accept_size(depth, depth, NoPrior{}) || out.width() != depth.width() ||
+        out.height() != depth.height())
+      return false;
+    grid_.reduce(depth, depth_, smooth_);
+    verdicts_.clear(grid_.width(), grid_.height());
+    cell_mask_.fill(0);
+    for (const SurfaceOutline& s :
+         watch_outlines(depth_, verdicts_, options_.growing.step, options_.free_space.margins,
+                        options_.outlines, outlines_)) {
+      if (s.in_foreground(options_.outlines))
+        outlines_.for_each_cell(s, [&](int u, int v) { cell_mask_(u, v) = 255; });
+    }
+    upsample_mask(cell_mask_.view(), depth_, depth, grid_, out, zone_);
+    return true;
+  }
+
   /// What the last call of `segment` found.
   [[nodiscard]] const Motion<S>& motion() const { return motion_; }
 
@@ -253,21 +273,21 @@ class MotionSegmenter {
     return T_depth_c_ ? *T_depth_c_ * T_c_w : T_c_w;
   }
 
-  /// What the outlines of surfaces say: movers move whole, and what rests is no longer carried as a mover.
+  /// What surfaces say as a whole, by their outlines and their keypoints: movers move whole, and what rests
+  /// is no longer carried as a mover.
   template <class D>
   void heed_outlines(const D& depth, const SE3<S>& T_c_w) {
     const MovedOutlineOptions& o = options_.outlines;
     const auto surfaces =
         watch_outlines(depth_, verdicts_, options_.growing.step, options_.free_space.margins, o, outlines_);
-    const auto at_rest = [&](const SurfaceOutline& s) {
-      return bodies_.at_rest(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(),
-                             depth, T_c_w, options_.locating, outlines_.runs_of(s));
-    };
+    bodies_.find_rest(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(), depth,
+                      T_c_w, options_.locating);
     for (const SurfaceOutline& s : surfaces) {
-      if (s.still(o, options_.growing.min_seeds)) {
-        outlines_.for_each_cell(s, [&](int u, int v) { verdicts_.seed(u, v) = 0; });
-      } else if (outline_moved(s, surfaces, o, at_rest)) {
+      const KeypointCount on_it = bodies_.count(outlines_.runs_of(s));
+      if (keypoints_moved(s, on_it, bodies_.count(), o) || outline_moved(s, surfaces, o, on_it.at_rest)) {
         outlines_.for_each_cell(s, [&](int u, int v) { verdicts_.doubt(u, v); });
+      } else if (s.still(o, options_.growing.min_seeds)) {
+        outlines_.for_each_cell(s, [&](int u, int v) { verdicts_.seed(u, v) = 0; });
       }
     }
   }

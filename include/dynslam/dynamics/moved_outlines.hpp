@@ -28,6 +28,12 @@ struct MovedOutlineOptions {
   /// Share of the other outlines that may have moved, below `sure`: where all of them have, the pose is
   /// wrong.
   double others = 0.1;
+  /// Share of a surface's outline, as far as it is one with something nearer or farther, beside which
+  /// something farther is seen, from which on the surface stands before the rest of the view.
+  double foreground = 0.7;
+  int keypoints = 15;  ///< on a surface of the foreground from which on they tell that it moves; 0: never
+  double keypoint_share = 0.25;  ///< and share of all: with fewer the scale of all residuals is the others'
+  double resting = 0.1;          ///< share of them that may be at rest then, while most of the others are
   int still = 40;  ///< cells of an outline that show, by not having moved, that its surface rests; 0: never
   int surface = 100;  ///< cells of the smallest surface
   int gap = 4;        ///< cells without depth between a surface and what lies behind it, at most
@@ -39,9 +45,14 @@ struct SurfaceOutline {
   std::size_t begin = 0, end = 0;  ///< of its runs in MovedOutlineWorkspace::runs
   int cells = 0;                   ///< sides of cells of the outline
   int moved = 0;                   ///< of them, beside which the surface was shortly before or has come to
+  int hidden = 0;                  ///< sides of cells beside which something nearer hides the surface
   int fresh = 0;                   ///< seeds of age 0 on the surface
 
   [[nodiscard]] bool moved_by(double share) const { return moved >= share * cells; }
+  /// Whether it stands before what is beside it.
+  [[nodiscard]] bool in_foreground(const MovedOutlineOptions& options) const {
+    return cells >= options.moved && cells >= options.foreground * (cells + hidden);
+  }
   /// Whether it is seen not to have moved, and nothing else says so now.
   [[nodiscard]] bool still(const MovedOutlineOptions& options, int min_seeds) const {
     return options.still > 0 && cells >= options.still && 50 * moved < cells && fresh < min_seeds;
@@ -85,6 +96,7 @@ class OutlineWatch {
     }
     if (!inside(x, y) || !is_valid_depth(depth_(x, y))) return;
     const float behind = depth_(x, y);
+    if (free_space_evidence(behind, z, z, margins_) == DepthEvidence::violation) ++outline.hidden;
     if (free_space_evidence(z, behind, behind, margins_) != DepthEvidence::violation) return;
     ++outline.cells;
     if (was_beside(u, v, du, dv, gap, z) || came(u, v, du, dv)) ++outline.moved;
@@ -169,10 +181,9 @@ std::span<const SurfaceOutline> watch_outlines(const Image<float>& depth, const 
 }
 
 /// Whether a surface is a mover by its outline.
-/// @param at_rest  keypoints at rest that stand on it (asked for only where that matters)
-template <class AtRest>
-[[nodiscard]] bool outline_moved(const SurfaceOutline& s, std::span<const SurfaceOutline> all,
-                                 const MovedOutlineOptions& options, const AtRest& at_rest) {
+/// @param at_rest  keypoints at rest that stand on it
+[[nodiscard]] inline bool outline_moved(const SurfaceOutline& s, std::span<const SurfaceOutline> all,
+                                        const MovedOutlineOptions& options, int at_rest) {
   if (s.moved < options.moved || !s.moved_by(options.share)) return false;
   if (s.moved_by(options.sure)) return true;
   int others = 0, others_moved = 0;
@@ -181,7 +192,7 @@ template <class AtRest>
     others += o.cells;
     others_moved += o.moved;
   }
-  return others_moved <= options.others * others && at_rest(s) <= options.at_rest;
+  return others_moved <= options.others * others && at_rest <= options.at_rest;
 }
 
 }  // namespace dynslam

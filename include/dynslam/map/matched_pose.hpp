@@ -76,6 +76,14 @@ class MatchedPose {
     }
   }
 
+  /// Mean squared normalised error of the matches, each counted as `max_chi2` at most.
+  [[nodiscard]] S mean_chi2(const SE3<S>& T_c_w, S max_chi2) const {
+    S sum = S(0);
+    for (const PoseObservation<S>& o : observations_)
+      sum += std::min(observation_chi2(camera_, T_c_w, o), max_chi2);
+    return observations_.empty() ? S(0) : sum / static_cast<S>(observations_.size());
+  }
+
   /// Has optimize() estimate how the camera turned while it read its rows, beyond what the features were
   /// placed for (optimize_rolling_pose()). Not for a camera that reads them all at once.
   /// @param shutter  that the features were placed for

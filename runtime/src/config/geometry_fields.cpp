@@ -164,6 +164,14 @@ void list(FieldList& f, MovedOutlineOptions& o) {
   f("moved", o.moved, "cells", "least part of an outline that has moved", kCount);
   f("at_rest", o.at_rest, "", "keypoints at rest on a mover at most, below `sure`", kCount);
   f("others", o.others, "", "share of the other outlines that may have moved, below `sure`", kShare);
+  f("foreground", o.foreground, "",
+    "share of a surface's outline beside which something farther is seen from which on it is in the "
+    "foreground",
+    kShare);
+  f("keypoints", o.keypoints, "",
+    "keypoints on a surface of the foreground from which on they tell that it moves; 0: never", kCount);
+  f("keypoint_share", o.keypoint_share, "", "and the share of all keypoints that they must be", kShare);
+  f("resting", o.resting, "", "share of them that may be at rest then", kShare);
   f("still", o.still, "cells", "outline that shows, by not having moved, that its surface rests; 0: never",
     kCount);
   f("surface", o.surface, "cells", "smallest surface", kCount);

@@ -96,6 +96,10 @@ void list(FieldList& f, PoseSearchOptions& o) {
     kNotNegative);
   f("longest_delay", o.longest_delay, "s",
     "longest delay of a depth image over which the velocity is trusted", kNotNegative);
+  f("young_frames", o.young_frames, "frames",
+    "of a map, in which the pose is compared with the motion of what lies behind; 0: never", kCount);
+  f("behind", o.behind, "", "times as well, by squared error, its own motion has to fit what lies behind",
+    from(1));
 }
 
 void list(FieldList& f, ImageAlignmentOptions<double>& o) {

@@ -73,7 +73,11 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
 
   now.result.state = TrackingState::tracked;
   bool located = locate(now) || (disbelieve_prior(now, MaskVerdict::starved) && locate(now));
-  if (located && begin_again(now)) located = locate(now);
+  if (located) look_behind(now);
+  if (located && begin_again(now)) {
+    located = locate(now);
+    if (located) look_behind(now);
+  }
   began_at_rest_ = false;
   if (!located) {
     now.plain = true;  // what keeps movers out must not lose the camera: without it, at last
@@ -149,6 +153,7 @@ void Tracker::start_map(Present& now) {
     geometry_.segment(interop::view<const std::uint8_t>(now.input.gray), now.depth, SE3<double>());
   keep(now);
   initialised_ = true;
+  first_ = now.frame.index;
   began_at_rest_ = camera_.readout_time != 0;
   now.result.state = TrackingState::tracked;
   now.result.inliers = last_keyframe_tracked_;
@@ -221,6 +226,7 @@ bool Tracker::align_with_last(Present& now, int wanted) {
 bool Tracker::prove_on_local_map(Present& now, int wanted) {
   place_again(now);
   matcher_.match_local(map_, now.T_c_w, now.image->pyramid, now.depth, now.frame);
+  if (!now.left_out.empty()) flag(now.frame, now.left_out, now.frame.dynamic);
   if (additions_.strict_local_map && !now.plain) {
     // The pose is good to a fraction of a pixel already. What is farther off moves, and were it let in, a
     // robust kernel would give it its share.
@@ -234,7 +240,7 @@ bool Tracker::prove_on_local_map(Present& now, int wanted) {
   now.result.covariance = pose.covariance;
   if (pose.inliers < wanted) return false;
   take_turn(now, pose.turn);
-  if (const auto since_last = interval(now.input); readout_ && since_last) {
+  if (const auto since_last = interval(now.input); readout_ && since_last && now.left_out.empty()) {
     pose_.measure_readout(now.frame, now.T_c_w, speed(now.T_c_w * last_.T_c_w.inverse(), *since_last),
                           camera_.height, *readout_);
   }

@@ -42,6 +42,49 @@ bool Tracker::disbelieve_prior(Present& now, MaskVerdict why) {
   return true;
 }
 
+/// In the first frames nothing was seen to move yet, and a mover that has most of the features passes for the
+/// room. But the room is what lies behind. Where that moves in another way than the pose says, by its grey
+/// values and by its features, the pose goes with a mover, and what lies behind has its own way.
+void Tracker::look_behind(Present& now) {
+  if (!additions_.image_alignment || !uses_geometry(options_.dynamics) || last_view_.empty() ||
+      lost_frames_ > 0 || now.frame.index - first_ > options_.search.young_frames)
+    return;
+  cv::Mat foreground = cv::Mat::zeros(now.input.gray.size(), CV_8UC1);
+  if (!geometry_.mark_foreground(now.depth, interop::view<std::uint8_t>(foreground)) ||
+      cv::countNonZero(foreground) == 0)
+    return;
+  const auto behind = last_view_.align_behind(now.image->pyramid, now.depth, foreground, camera_.model,
+                                              now.T_c_w * last_.T_c_w.inverse());
+  if (!behind.ok()) return;
+  const Frame frame = now.frame;
+  const TrackResult result = now.result;
+  const SE3<double> T_c_w = now.T_c_w;
+  const Eigen::Vector3d turn = now.turn;
+  const auto shutter = matcher_.placer().rolling_shutter();
+  matcher_.clear(now.frame);
+  std::vector<std::uint8_t> flags = now.frame.dynamic;
+  now.left_out = widened(foreground, options_.feature_margin);
+  now.T_c_w = behind.T_image_reference * last_.T_c_w;
+  const bool proven = prove_on_local_map(now, options_.search.min_inliers);
+  now.left_out.release();
+  pose_.gather(map_, now.frame);
+  const double chi2 = options_.search.local_chi2;
+  if (proven && pose_.mean_chi2(T_c_w, chi2) > options_.search.behind * pose_.mean_chi2(now.T_c_w, chi2)) {
+    flags.resize(now.frame.features.size(), 0);
+    for (std::size_t i = 0; i < flags.size(); ++i) {
+      if (now.frame.dynamic[i] != flags[i]) now.frame.point[i] = -1;
+    }
+    now.frame.dynamic = std::move(flags);
+    return;
+  }
+  now.frame = frame;
+  now.result = result;
+  now.T_c_w = T_c_w;
+  now.turn = turn;
+  matcher_.placer().set_depth_motion(depth_motion(now.input, T_c_w * last_.T_c_w.inverse()));
+  matcher_.placer().set_rolling_shutter(shutter);
+}
+
 void Tracker::find_movers(Present& now) {
   TrackResult& result = now.result;
   if (geometry_.has_reference()) geometry_.place_reference(T_reference_keyframe_ * map_.pose(reference_id_));

@@ -32,12 +32,13 @@ struct Tracker::Present {
   Eigen::Vector3d turn =
       Eigen::Vector3d::Zero();  // while the rows are read, beyond the motion since the last frame
   std::optional<ImageAlignmentResult<double>> aligned;  // with the last frame; empty: not tried
-  bool plain = false;                                   // located without what the method adds
-  const Masks* prior = nullptr;                         // where it is used
-  cv::Mat semantic;        // a-priori mask with its margin; empty: none that is believed
-  cv::Mat moving;          // what the geometry found, in the depth image
-  cv::Mat moving_widened;  // with its margin
-  cv::Mat covering;        // and in either image, which is handed on; empty: it is not believed
+  cv::Mat left_out;              // what shall not tell the pose for now, CV_8UC1; empty: nothing
+  bool plain = false;            // located without what the method adds
+  const Masks* prior = nullptr;  // where it is used
+  cv::Mat semantic;              // a-priori mask with its margin; empty: none that is believed
+  cv::Mat moving;                // what the geometry found, in the depth image
+  cv::Mat moving_widened;        // with its margin
+  cv::Mat covering;              // and in either image, which is handed on; empty: it is not believed
   TrackResult result;
   Stopwatch whole, watch;
 

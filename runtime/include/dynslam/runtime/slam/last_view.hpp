@@ -32,10 +32,18 @@ class LastView {
   [[nodiscard]] ImageAlignmentResult<double> align(const ImagePyramid& now, const AnyCamera<double>& camera,
                                                    const SE3<double>& predicted);
 
+  /// The same by what is behind in the other frame alone.
+  /// @param depth, foreground  of that frame; CV_8UC1, nonzero: not behind
+  [[nodiscard]] ImageAlignmentResult<double> align_behind(const ImagePyramid& now,
+                                                          const ImageView<const float>& depth,
+                                                          const cv::Mat& foreground,
+                                                          const AnyCamera<double>& camera,
+                                                          const SE3<double>& predicted);
+
  private:
   HalvingPyramid<std::uint8_t> images_, now_;
-  Image<float> depth_;  // of the size of the largest image
-  cv::Mat moved_;       // likewise
+  Image<float> depth_, depth_behind_;  // of the size of the largest image
+  cv::Mat moved_;                      // likewise
   ImageAlignmentOptions<double> options_;
   ImageAlignmentWorkspace<double> workspace_;
 };

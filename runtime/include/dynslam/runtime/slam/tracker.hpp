@@ -76,6 +76,7 @@ class Tracker {
   static bool disbelieve_prior(Present& now, MaskVerdict why);
   void start_map(Present& now);
   bool locate(Present& now);
+  void look_behind(Present& now);
   bool begin_again(const Present& now);
   /// Finds the pose from the last frame's points. @return inliers of the local map that prove it; 0: not
   /// found
@@ -157,6 +158,7 @@ class Tracker {
   std::optional<ReadoutMeasurement<double>> readout_;
   double velocity_interval_ = 0;  // over which it was measured [s]; 0: it was not
   bool initialised_ = false;
+  std::size_t first_ = 0;       // index of the frame that began the map
   bool began_at_rest_ = false;  // the last frame began the map, by a camera whose motion nobody knew
   int lost_frames_ = 0;
   std::size_t frames_ = 0;            // tracked or lost so far

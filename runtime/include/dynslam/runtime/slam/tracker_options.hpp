@@ -40,6 +40,8 @@ struct PoseSearchOptions {
   /// [rad/s]; 0: it is taken for it. A hand's is ten times as large, but matches err together (lens, map),
   /// and a turn that is free takes the map's errors up: people 8.3 mm with 0.3, 5.3 with this, 6.0 with 0.
   double turn_doubt = 0.02;
+  std::size_t young_frames = 10;  ///< of a map, in which what lies behind is asked, too; 0: never
+  double behind = 2;  ///< times as well, by squared error, its own motion has to fit what lies behind
   double longest_delay = 0.05;  ///< of a depth image, over which the velocity is trusted [s]
 };
 
