@@ -215,15 +215,14 @@ template <class Kind, class Camera>
       if (Kind::in(mask)(u, v) != 0) by_keypoints += on_board(u, v) ? 1 : -1;
     }
   }
-  std::vector<PixelRun> everything;
-  for (int v = 0; v < grid.height(); ++v) everything.push_back({v, 0, grid.width()});
   bodies.find_rest(camera, all, pose(before), Kind::in(image), pose(last), options.locating);
-  const KeypointCount on_all = bodies.count(), on_grid = bodies.count(std::span<const PixelRun>(everything));
-  CHECK(on_grid.all == on_all.all);
-  CHECK(on_grid.at_rest == on_all.at_rest);
+  const auto on = bodies.count(outlines.surface, surfaces.size());
+  for (const KeypointCount& n : on) {
+    out.put("keypoints", n.all);
+    out.put("at_rest", n.at_rest);
+  }
   out.put("by_outline", by_outline);
   out.put("by_keypoints", by_keypoints);
-  out.put("at_rest", on_all.at_rest);
   return out;
 }
 

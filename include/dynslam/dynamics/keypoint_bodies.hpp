@@ -6,7 +6,6 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
-#include <numeric>
 #include <span>
 #include <vector>
 
@@ -30,6 +29,11 @@ namespace dynslam {
 /// Keypoints, and how many of them are at rest.
 struct KeypointCount {
   int all = 0, at_rest = 0;
+
+  void add(bool rests) {
+    ++all;
+    at_rest += rests ? 1 : 0;
+  }
 };
 
 /// What the judged keypoints of a frame say of the cells around them and of the bodies that they stand on.
@@ -144,27 +148,24 @@ class KeypointBodies {
       rest_.push_back(observation_chi2(camera, T_c_w, o) < options.consensus.truncation ? 1 : 0);
     }
   }
-  /// Counts the keypoints on a surface and how many of them find_rest() found at rest.
-  [[nodiscard]] KeypointCount count(std::span<const PixelRun> surface) const {
-    KeypointCount n;
+  /// Counts the keypoints by surface, and how many of them find_rest() found at rest.
+  /// @param surface  of each cell, counted from 1 to `surfaces`; 0: none
+  /// @return of each; all keypoints together, on a surface or not, come first
+  [[nodiscard]] std::span<const KeypointCount> count(const Image<int>& surface, std::size_t surfaces) {
+    counts_.assign(surfaces + 1, {});
     for (std::size_t k = 0; k < sites_.size(); ++k) {
-      const VerdictSite& s = sites_[k];
-      const auto holds = [&](const PixelRun& r) { return r.v == s.v && s.u >= r.begin && s.u < r.end; };
-      if (std::ranges::none_of(surface, holds)) continue;
-      ++n.all;
-      n.at_rest += rest_[k];
+      const auto on = static_cast<std::size_t>(surface(sites_[k].u, sites_[k].v));
+      if (on != 0) counts_[on].add(rest_[k] != 0);
+      counts_[0].add(rest_[k] != 0);
     }
-    return n;
-  }
-  /// All of them.
-  [[nodiscard]] KeypointCount count() const {
-    return {static_cast<int>(rest_.size()), std::accumulate(rest_.begin(), rest_.end(), 0)};
+    return counts_;
   }
 
  private:
   std::vector<VerdictSite> sites_;
   std::vector<std::size_t> site_match_;  // of sites_
   std::vector<std::uint8_t> rest_;       // likewise
+  std::vector<KeypointCount> counts_;
   std::vector<KeypointMatch<S>> body_;
   int bodies_ = 0;    // parts that move as one
   Image<int> parts_;  // of the cells, by body

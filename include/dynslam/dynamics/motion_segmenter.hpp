@@ -282,9 +282,11 @@ class MotionSegmenter {
         watch_outlines(depth_, verdicts_, options_.growing.step, options_.free_space.margins, o, outlines_);
     bodies_.find_rest(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(), depth,
                       T_c_w, options_.locating);
-    for (const SurfaceOutline& s : surfaces) {
-      const KeypointCount on_it = bodies_.count(outlines_.runs_of(s));
-      if (keypoints_moved(s, on_it, bodies_.count(), o) || outline_moved(s, surfaces, o, on_it.at_rest)) {
+    const auto keypoints = bodies_.count(outlines_.surface, surfaces.size());
+    for (std::size_t k = 0; k < surfaces.size(); ++k) {
+      const SurfaceOutline& s = surfaces[k];
+      const KeypointCount& on_it = keypoints[k + 1];
+      if (keypoints_moved(s, on_it, keypoints.front(), o) || outline_moved(s, surfaces, o, on_it.at_rest)) {
         outlines_.for_each_cell(s, [&](int u, int v) { verdicts_.doubt(u, v); });
       } else if (s.still(o, options_.growing.min_seeds)) {
         outlines_.for_each_cell(s, [&](int u, int v) { verdicts_.seed(u, v) = 0; });

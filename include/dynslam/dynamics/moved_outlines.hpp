@@ -64,6 +64,7 @@ struct MovedOutlineWorkspace {
   RegionGrowingWorkspace growing;
   std::vector<PixelRun> runs;
   std::vector<SurfaceOutline> surfaces;
+  Image<int> surface;  ///< of each cell, counted from 1; 0: none of them
 
   [[nodiscard]] std::span<const PixelRun> runs_of(const SurfaceOutline& s) const {
     return std::span(runs).subspan(s.begin, s.end - s.begin);
@@ -155,6 +156,8 @@ std::span<const SurfaceOutline> watch_outlines(const Image<float>& depth, const 
   const detail::OutlineWatch watch(depth, verdicts, step, margins, options);
   ws.runs.clear();
   ws.surfaces.clear();
+  ws.surface.resize(depth.width(), depth.height());
+  ws.surface.fill(0);
   for (int v = 0; v < depth.height(); ++v) {
     for (int u = 0; u < depth.width(); ++u) {
       if (!field.open(u, v)) continue;
@@ -175,6 +178,8 @@ std::span<const SurfaceOutline> watch_outlines(const Image<float>& depth, const 
         }
       }
       ws.surfaces.push_back(s);
+      const auto index = static_cast<int>(ws.surfaces.size());
+      ws.for_each_cell(s, [&](int x, int y) { ws.surface(x, y) = index; });
     }
   }
   return ws.surfaces;
