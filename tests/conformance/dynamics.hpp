@@ -137,7 +137,7 @@ template <class Kind, class Camera>
 }
 
 /// What the outline of the board and keypoints on it say, each by itself, where the camera's pose is known;
-/// and how many of the cells that the board moved over they find.
+/// and how many cells of the board they find, less those that are none of it.
 template <class Kind, class Camera>
 [[nodiscard]] Record<double> body_results(int& by_outline, int& by_keypoints, int& cells) {
   using S = typename Camera::ScalarType;
@@ -177,7 +177,7 @@ template <class Kind, class Camera>
     outlines.for_each_cell(s, [&](int u, int v) { by_outline += on_board(u, v) ? 1 : -1; });
   }
 
-  // Every other keypoint of the view two frames ago, found again where its surface is now.
+  // Every third pixel of the view two frames ago, found again where its surface is now.
   std::vector<KeypointMatch<S>> matches;
   std::vector<JudgedMatch<S>> judged;
   std::vector<std::size_t> index;

@@ -29,9 +29,8 @@ struct OutlineScene {
     still.fill(kCellStatic);
     age = still;
   }
-  /// Looks at the board with its left edge at a column of the image; T_c_w is what the camera's pose is taken
-  /// for.
-  void look(int left, const SE3<S>& T_c_w = {}) {
+  /// Looks at the board with its left edge at a column of the image.
+  void look(int left) {
     Image<float> image(320, 240, 3.0F);
     for (int v = 60; v < 180; ++v) {
       for (int u = std::max(0, left); u < std::min(320, left + 120); ++u) image(u, v) = 1.5F;
@@ -40,28 +39,18 @@ struct OutlineScene {
       for (int u = 0; u < 320; ++u) image(u, v) = foot;
     }
     grid.reduce(image, depth, smooth);
-    history.check(grid, depth, smooth, T_c_w, verdicts);
-    history.remember(depth, T_c_w, still, age);
+    history.check(grid, depth, smooth, SE3<S>(), verdicts);
+    history.remember(depth, SE3<S>(), still, age);
     watch_outlines(depth, verdicts, RelativeStep<float>{0.03F, 0.01F}, FreeSpaceMargins<float>{}, options,
                    ws);
   }
   /// The surface that holds a cell.
-  [[nodiscard]] SurfaceOutline at(int u, int v) const {
-    SurfaceOutline found;
-    for (const SurfaceOutline& s : ws.surfaces)
-      ws.for_each_cell(s, [&](int x, int y) {
-        if (x == u && y == v) found = s;
-      });
-    return found;
+  [[nodiscard]] const SurfaceOutline& at(int u, int v) const {
+    REQUIRE(ws.surface(u, v) != 0);
+    return ws.surfaces[static_cast<std::size_t>(ws.surface(u, v) - 1)];
   }
   [[nodiscard]] bool moved(int u, int v, int at_rest) const {
-    const SurfaceOutline* surface = nullptr;
-    for (const SurfaceOutline& s : ws.surfaces)
-      ws.for_each_cell(s, [&](int x, int y) {
-        if (x == u && y == v) surface = &s;
-      });
-    REQUIRE(surface != nullptr);
-    return outline_moved(*surface, std::span<const SurfaceOutline>(ws.surfaces), options, at_rest);
+    return outline_moved(at(u, v), std::span<const SurfaceOutline>(ws.surfaces), options, at_rest);
   }
 };
 

@@ -165,9 +165,7 @@ class MotionSegmenter {
     grid_.reduce(depth, depth_, smooth_);
     verdicts_.clear(grid_.width(), grid_.height());
     cell_mask_.fill(0);
-    for (const SurfaceOutline& s :
-         watch_outlines(depth_, verdicts_, options_.growing.step, options_.free_space.margins,
-                        options_.outlines, outlines_)) {
+    for (const SurfaceOutline& s : watch_surfaces()) {
       if (s.in_foreground(options_.outlines))
         outlines_.for_each_cell(s, [&](int u, int v) { cell_mask_(u, v) = 255; });
     }
@@ -273,13 +271,18 @@ class MotionSegmenter {
     return T_depth_c_ ? *T_depth_c_ * T_c_w : T_c_w;
   }
 
+  /// The surfaces of the reduced depth, with what the verdicts say of their outlines.
+  std::span<const SurfaceOutline> watch_surfaces() {
+    return watch_outlines(depth_, verdicts_, options_.growing.step, options_.free_space.margins,
+                          options_.outlines, outlines_);
+  }
+
   /// What surfaces say as a whole, by their outlines and their keypoints: movers move whole, and what rests
   /// is no longer carried as a mover.
   template <class D>
   void heed_outlines(const D& depth, const SE3<S>& T_c_w) {
     const MovedOutlineOptions& o = options_.outlines;
-    const auto surfaces =
-        watch_outlines(depth_, verdicts_, options_.growing.step, options_.free_space.margins, o, outlines_);
+    const auto surfaces = watch_surfaces();
     bodies_.find_rest(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(), depth,
                       T_c_w, options_.locating);
     const auto keypoints = bodies_.count(outlines_.surface, surfaces.size());
