@@ -139,7 +139,7 @@ void projections(const Camera& camera, const SE3<typename Camera::ScalarType>& T
             bundle_chi2(camera, T, o.p_w, BundleObservation<S>{0, 0, o.x, o.depth, S(0.5), S(100)}));
     PointLinearisation<Camera> point;
     REQUIRE(point.at(camera, p_c, o));
-    point.add_to(sums, camera, o.inv_sigma_px2, o.inv_sigma_z2);
+    sums.add(point.terms(camera, o.inv_sigma_px2, o.inv_sigma_z2));
     const Vector3 information(o.inv_sigma_px2, o.inv_sigma_px2, o.inv_sigma_z2);
     for (int i = 0; i < 3; ++i) rows.add_row(J_pose.row(i), r(i), information(i));
   }

@@ -90,7 +90,7 @@ void check_against_autodiff(const Camera& camera) {
     for (int i = 0; i < 3; ++i) rows.add_row(exact.row(i), r(i), information(i));
     PointLinearisation<Camera> point;
     REQUIRE(point.at(camera, some_pose() * o.p_w, o));
-    point.add_to(sums, camera, information.x(), information.z());
+    sums.add(point.terms(camera, information.x(), information.z()));
   }
   sums.store(blocks);
   CHECK(test::relative_error(blocks.hessian(), rows.hessian()) < 1e-10);
@@ -128,8 +128,8 @@ TEST_CASE_TEMPLATE("the equations for any camera agree with the pinhole's own", 
     PointLinearisation<test::DisguisedPinhole<S>> b;
     REQUIRE(a.at(camera, p, o));
     REQUIRE(b.at(disguised, p, o));
-    a.add_to(fast, camera, pixel, depth);
-    b.add_to(general, disguised, pixel, depth);
+    fast.add(a.terms(camera, pixel, depth));
+    general.add(b.terms(disguised, pixel, depth));
   }
   NormalEquations<S, 6> x, y;
   fast.store(x);

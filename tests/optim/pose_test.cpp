@@ -85,7 +85,7 @@ TEST_CASE("the normal equations of a pose equal those of its Jacobian's rows") {
     rows.add_row(J.row(0), r.x(), pixel);
     rows.add_row(J.row(1), r.y(), pixel);
     rows.add_row(J.row(2), r.z(), depth);
-    sums.add(test::kFreiburg3, true_pose() * o.p_w, r, pixel, depth);
+    sums.add(PoseTerms<double>(test::kFreiburg3, true_pose() * o.p_w, r, pixel, depth));
   }
   sums.store(blocks);
   CHECK(test::relative_error(blocks.hessian(), rows.hessian()) < 1e-12);

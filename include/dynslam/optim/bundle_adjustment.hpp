@@ -18,6 +18,7 @@
 #include "dynslam/optim/levenberg_marquardt.hpp"
 #include "dynslam/optim/normal_equations.hpp"
 #include "dynslam/optim/pose_residual.hpp"
+#include "dynslam/robust/rho_sum.hpp"
 #include "dynslam/robust/t_distribution.hpp"
 
 namespace dynslam {
@@ -251,18 +252,16 @@ class BundleSolver {
 
   [[nodiscard]] Cost cost_now() const {
     constexpr S kInfinity = std::numeric_limits<S>::infinity();
-    Cost sum;
+    RhoSum<S, Kernel> known(kernel_), unknown(kernel_);
     for (std::size_t k = 0; k < problem_.observations.size(); ++k) {
       const S e = chi2(problem_.observations[k]);
       if (e == kInfinity) {
         if (ws_.in_front[k] == 0) continue;
         return {kInfinity, kInfinity};
       }
-      const S rho = kernel_.rho(e);
-      if (ws_.in_front[k] != 0) sum.known += rho;
-      sum.all += rho;
+      (ws_.in_front[k] != 0 ? known : unknown).add(e);
     }
-    return sum;
+    return {known.value(), known.value() + unknown.value()};
   }
   void mark_in_front() {
     for (std::size_t k = 0; k < problem_.observations.size(); ++k) {

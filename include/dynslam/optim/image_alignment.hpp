@@ -23,6 +23,7 @@
 #include "dynslam/image/sample.hpp"
 #include "dynslam/optim/levenberg_marquardt.hpp"
 #include "dynslam/optim/normal_equations.hpp"
+#include "dynslam/robust/rho_sum.hpp"
 #include "dynslam/robust/t_distribution.hpp"
 
 namespace dynslam {
@@ -185,9 +186,16 @@ class ImageAlignmentProblem {
   [[nodiscard]] S cost_of(const std::vector<S>& residuals, S scale) const {
     const S information = S(1) / (scale * scale);
     const S outside = kernel_.rho(options_.outside_deviations * options_.outside_deviations);
-    S sum = S(0);
-    for (const S r : residuals) sum += std::isfinite(r) ? kernel_.rho(r * r * information) : outside;
-    return S(0.5) * sum;
+    RhoSum<S, TDistribution<S>> inside(kernel_);
+    std::size_t invisible = 0;
+    for (const S r : residuals) {
+      if (std::isfinite(r)) {
+        inside.add(r * r * information);
+      } else {
+        ++invisible;
+      }
+    }
+    return S(0.5) * (inside.value() + static_cast<S>(invisible) * outside);
   }
 
   const Camera& camera_;

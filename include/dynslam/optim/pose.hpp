@@ -19,6 +19,7 @@
 #include "dynslam/optim/pose_equations.hpp"
 #include "dynslam/optim/pose_residual.hpp"
 #include "dynslam/robust/chi_square.hpp"
+#include "dynslam/robust/rho_sum.hpp"
 #include "dynslam/robust/t_distribution.hpp"
 
 namespace dynslam {
@@ -34,7 +35,8 @@ struct PoseOptions {
   int min_observations = 6;
   S min_pixel_scale = S(1);  ///< below 1: pixel noise is estimated before each round as a factor of what the
                              ///< observations state, between this and 1, and used in its place
-  S tolerance = S(1e-6);     ///< norm of the step that ends a round
+  S tolerance = S(1e-6);     ///< norm of the step that ends the last round [m, rad]
+  S rough_tolerance = S(1e-4);  ///< and one that another round follows, which only chooses inliers
   S initial_damping = S(1e-4), min_damping = S(1e-9);  ///< lambda of Levenberg-Marquardt (see there)
 };
 
@@ -91,7 +93,7 @@ struct RowsAtOnce {
   template <class Point, class Camera>
   static void add(const Point& point, const Camera& camera, std::size_t, S pixel_weight, S depth_weight,
                   Sums& sums) {
-    point.add_to(sums, camera, pixel_weight, depth_weight);
+    sums.add(point.terms(camera, pixel_weight, depth_weight));
   }
   static void store(const Sums& sums, Turn, NormalEquations<S, 6>& system) { sums.store(system); }
 };
@@ -121,7 +123,9 @@ class PoseProblem {
   [[nodiscard]] Eigen::Matrix<S, 3, 1> turn() const { return rows_.of(turn_); }
 
   /// Linearises at the pose. @return the cost, not finite where there is nothing to minimise
-  [[nodiscard]] S start_round() {
+  /// @param tolerance  norm of the step that ends it
+  [[nodiscard]] S start_round(S tolerance) {
+    tolerance_ = tolerance;
     if (options_.min_pixel_scale < S(1)) pixel_information_ = estimate_pixel_information();
     S cost = linearise_at(T_, turn_, system_);
     if (!std::isfinite(cost)) {  // inliers that the camera does not see from here cannot be inliers
@@ -137,7 +141,7 @@ class PoseProblem {
   /// Sorts the observations into inliers and outliers anew. @return the number of inliers
   [[nodiscard]] int classify(S& cost) {
     int inliers = 0;
-    cost = S(0);
+    RhoSum<S, Kernel> sum(kernel_);
     Eigen::Matrix<S, 3, 1> r;
     for (std::size_t i = 0; i < observations_.size(); ++i) {
       const PoseObservation<S>& o = observations_[i];
@@ -148,9 +152,10 @@ class PoseProblem {
       ws_.weight[i] = visible ? kernel_.weight(s) : S(0);
       if (ws_.inlier[i] != 0) {
         ++inliers;
-        cost += kernel_.rho(s);
+        sum.add(s);
       }
     }
+    cost = sum.value();
     return inliers;
   }
 
@@ -176,7 +181,7 @@ class PoseProblem {
     return trial_cost;
   }
   void restore() {}
-  [[nodiscard]] bool converged(bool, const S&, const S&) const { return step_.norm() < options_.tolerance; }
+  [[nodiscard]] bool converged(bool, const S&, const S&) const { return step_.norm() < tolerance_; }
 
  private:
   [[nodiscard]] bool has_depth(const PoseObservation<S>& o) const {
@@ -200,7 +205,7 @@ class PoseProblem {
     const S pixel_information = pixel_information_;
     typename Rows::Sums sums;
     PointLinearisation<Camera> point;
-    S cost = rows_.prior_cost(turn);
+    RhoSum<S, Kernel> cost(kernel_);
     for (std::size_t i = 0; i < observations_.size(); ++i) {
       if (ws_.inlier[i] == 0) continue;
       const PoseObservation<S>& o = observations_[i];
@@ -208,13 +213,13 @@ class PoseProblem {
         return std::numeric_limits<S>::infinity();
       const bool depth = has_depth(o);
       const S s = chi2(o, point.r, depth, pixel_information);
-      cost += kernel_.rho(s);
+      cost.add(s);
       const S weight = kernel_.weight(s);
       rows_.add(point, camera_, i, weight * pixel_information * o.inv_sigma_px2,
                 depth ? weight * o.inv_sigma_z2 : S(0), sums);
     }
     rows_.store(sums, turn, system);
-    return cost;
+    return rows_.prior_cost(turn) + cost.value();
   }
 
   /// Factor on the stated one: half of true matches lie below the median of chi-square.
@@ -243,7 +248,7 @@ class PoseProblem {
   typename Rows::Turn turn_, trial_turn_;
   System system_, trial_system_;
   typename System::Vector step_ = System::Vector::Zero();
-  S pixel_information_ = S(1);
+  S pixel_information_ = S(1), tolerance_ = S(0);
 };
 
 /// optimize_pose() and what else there is of its kind.
@@ -274,7 +279,8 @@ PoseResult<S> optimize_pose(const Camera& camera, std::span<const PoseObservatio
   PoseProblem<S, Camera, Kernel, Rows> problem(camera, observations, T_c_w_initial, options, kernel,
                                                workspace, rows);
   for (int round = 0; round < options.rounds; ++round) {
-    const S cost = problem.start_round();
+    const bool last = round + 1 == options.rounds;
+    const S cost = problem.start_round(last ? options.tolerance : options.rough_tolerance);
     if (!std::isfinite(cost)) return fail(PoseStatus::diverged);
     const auto minimum = levenberg_marquardt(problem, cost, damping);
     result.iterations += minimum.iterations;

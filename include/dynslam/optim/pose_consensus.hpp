@@ -154,7 +154,7 @@ class PoseConsensusSearch {
   /// Adds an observation whose squared normalised error is below the limit.
   bool add(const PoseObservation<S>& o, const Motion& motion, S limit) {
     if (!point_.at(camera_, motion * o.p_w, o) || !(observation_chi2(o, point_.r) < limit)) return false;
-    point_.add_to(sums_, camera_, o.inv_sigma_px2, measures_depth(o) ? o.inv_sigma_z2 : S(0));
+    sums_.add(point_.terms(camera_, o.inv_sigma_px2, measures_depth(o) ? o.inv_sigma_z2 : S(0)));
     return true;
   }
   [[nodiscard]] bool solve(Eigen::Matrix<S, 6, 1>& step) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <concepts>
 #include <cstddef>
 #include <span>
@@ -33,8 +34,13 @@ class TurningRows {
   static constexpr int kParameters = 9;
   using Vector3 = Eigen::Matrix<S, 3, 1>;
   using Turn = Vector3;
+  using Terms = PoseTerms<S>;
+  /// The equations of the pose; of its turn with the turn of the rows, whose derivative is `share` times the
+  /// pose's; and of the latter alone.
   struct Sums {
-    PoseEquations<S> pose, mixed, turn;  // their weights times 1, share and share^2
+    PoseEquations<S> pose;
+    std::array<S, Terms::kCount - Terms::kB> mixed{};
+    std::array<S, Terms::kTorque - Terms::kC> turn{};
   };
 
   TurningRows(std::span<const S> share, const TurnPrior<S>& prior)
@@ -54,25 +60,26 @@ class TurningRows {
   template <class Point, class Camera>
   void add(const Point& point, const Camera& camera, std::size_t i, S pixel_weight, S depth_weight,
            Sums& sums) const {
+    const Terms terms = point.terms(camera, pixel_weight, depth_weight);
     const S share = share_[i], square = share * share;
-    point.add_to(sums.pose, camera, pixel_weight, depth_weight);
-    point.add_to(sums.mixed, camera, share * pixel_weight, share * depth_weight);
-    point.add_to(sums.turn, camera, square * pixel_weight, square * depth_weight);
+    sums.pose.add(terms);
+    for (std::size_t k = 0; k < sums.mixed.size(); ++k) sums.mixed[k] += share * terms.value[Terms::kB + k];
+    for (std::size_t k = 0; k < sums.turn.size(); ++k) sums.turn[k] += square * terms.value[Terms::kC + k];
   }
   void store(const Sums& sums, const Turn& turn, NormalEquations<S, 9>& system) const {
-    NormalEquations<S, 6> pose, mixed, own;
-    sums.pose.store(pose);
-    sums.mixed.store(mixed);
-    sums.turn.store(own);
     Eigen::Matrix<S, 9, 9> H = Eigen::Matrix<S, 9, 9>::Zero();
     Eigen::Matrix<S, 9, 1> b;
-    H.template topLeftCorner<6, 6>() = pose.hessian();
-    H.template bottomLeftCorner<3, 6>() = mixed.hessian().template bottomRows<3>();
-    H.template bottomRightCorner<3, 3>() = own.hessian().template bottomRightCorner<3, 3>();
-    for (int i = 0; i < 6; ++i) b(i) = pose.gradient()(i);
+    sums.pose.store(H, b);
+    constexpr std::size_t kC = Terms::kC - Terms::kB, kTorque = Terms::kTorque - Terms::kB;
+    std::size_t k = 0;
     for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j <= i; ++j, ++k) {
+        H(i + 6, j + 3) = H(j + 6, i + 3) = sums.mixed[kC + k];
+        H(i + 6, j + 6) = sums.turn[k];
+      }
+      for (int j = 0; j < 3; ++j) H(i + 6, j) = sums.mixed[static_cast<std::size_t>(3 * j + i)];
       H(i + 6, i + 6) += information_;
-      b(i + 6) = mixed.gradient()(i + 3) + information_ * (turn(i) - prior_.mean(i));
+      b(i + 6) = sums.mixed[kTorque + static_cast<std::size_t>(i)] + information_ * (turn(i) - prior_.mean(i));
     }
     system.assign(H, b);
   }

@@ -98,6 +98,8 @@ void list(FieldList& f, PoseSearchOptions& o) {
     "longest delay of a depth image over which the velocity is trusted", kNotNegative);
   f("young_frames", o.young_frames, "frames",
     "of a map, in which the pose is compared with the motion of what lies behind; 0: never", kCount);
+  f("foreground_share", o.foreground_share, "",
+    "of a pose's matches that lies on what stands before the room, up to which it is not compared", kShare);
   f("behind", o.behind, "", "times as well, by squared error, its own motion has to fit what lies behind",
     from(1));
 }

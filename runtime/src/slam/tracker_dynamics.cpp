@@ -42,16 +42,30 @@ bool Tracker::disbelieve_prior(Present& now, MaskVerdict why) {
   return true;
 }
 
+/// Whether more than a share of the matches lies on a mask.
+static bool rests_on(const Frame& frame, const cv::Mat& mask, double share) {
+  std::vector<std::uint8_t> on_mask(frame.features.size(), 0);
+  flag(frame, mask, on_mask);
+  std::ptrdiff_t matches = 0, on_it = 0;
+  for (std::size_t i = 0; i < on_mask.size(); ++i) {
+    if (frame.point[i] < 0) continue;
+    ++matches;
+    on_it += on_mask[i] != 0 ? 1 : 0;
+  }
+  return static_cast<double>(on_it) > share * static_cast<double>(matches);
+}
+
 /// In the first frames nothing was seen to move yet, and a mover that has most of the features passes for the
 /// room. But the room is what lies behind. Where that moves in another way than the pose says, by its grey
-/// values and by its features, the pose goes with a mover, and what lies behind has its own way.
+/// values and by its features, the pose goes with a mover, and what lies behind has its own way. A pose that
+/// hardly rests on what stands before does not go with it, and is not asked.
 void Tracker::look_behind(Present& now) {
   if (!additions_.image_alignment || !uses_geometry(options_.dynamics) || last_view_.empty() ||
       lost_frames_ > 0 || now.frame.index - first_ > options_.search.young_frames)
     return;
   cv::Mat foreground = cv::Mat::zeros(now.input.gray.size(), CV_8UC1);
   if (!geometry_.mark_foreground(now.depth, interop::view<std::uint8_t>(foreground)) ||
-      cv::countNonZero(foreground) == 0)
+      !rests_on(now.frame, foreground, options_.search.foreground_share))
     return;
   const auto behind = last_view_.align_behind(now.image->pyramid, now.depth, foreground, camera_.model,
                                               now.T_c_w * last_.T_c_w.inverse());
