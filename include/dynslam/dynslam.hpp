@@ -100,6 +100,7 @@
 #include "dynslam/robust/chi_square.hpp"
 #include "dynslam/robust/consensus.hpp"
 #include "dynslam/robust/kernels.hpp"
+#include "dynslam/robust/rho_sum.hpp"
 #include "dynslam/robust/split_mix64.hpp"
 #include "dynslam/robust/t_distribution.hpp"
 #include "dynslam/segment/connected_components.hpp"

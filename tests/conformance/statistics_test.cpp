@@ -18,6 +18,7 @@
 #include "dynslam/robust/chi_square.hpp"
 #include "dynslam/robust/consensus.hpp"
 #include "dynslam/robust/kernels.hpp"
+#include "dynslam/robust/rho_sum.hpp"
 #include "dynslam/robust/split_mix64.hpp"
 #include "dynslam/robust/t_distribution.hpp"
 #include "scene.hpp"
@@ -52,6 +53,14 @@ void statistics_of(test::Record<double>& out) {
   out.put("classify", static_cast<double>(classify<S>(r, S(0), dynamic)));
   out.put("is_dynamic", is_dynamic(S(0.1), S(0.25)));
   out.put("statistics", static_cast<double>(statistics<S>(r).rmse));
+  RhoSum<S, TDistribution<S>> joint{TDistribution<S>()};
+  const Huber<S> huber;
+  RhoSum<S, Huber<S>> one_by_one(huber);
+  for (const S e : r) {
+    joint.add(e * e);
+    one_by_one.add(e * e);
+  }
+  out.put("rho_sum", static_cast<double>(joint.value() + one_by_one.value()));
   SplitMix64 random(3);
   out.put("unit", static_cast<double>(random.unit<S>()));
   out.put("samples_needed", samples_needed<3>(S(0.5), S(0.99), 1000));

@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/geometry/rolling_shutter.hpp"
+#include "jacobian.hpp"
 #include "random.hpp"
 
 using namespace dynslam;
@@ -95,6 +97,43 @@ TEST_CASE_TEMPLATE("a prior that is sure of itself decides, in the mean as elsew
   REQUIRE(told.ok());
   CHECK((told.turn.template cast<double>() - kShearingTurn).norm() < 1e-5);
   CHECK(sights.shift(told) < 0.0006);
+}
+
+TEST_CASE_TEMPLATE("the normal equations with a turn of the rows equal those of their Jacobian's rows", S,
+                   float, double) {
+  const RollingSights<S> sights(kShearingTurn);
+  const TurnPrior<S> prior{.mean = {S(0.001), S(-0.002), S(0.003)}, .sigma = S(0.02)};
+  const detail::TurningRows<S> rows(sights.share, prior);
+  typename detail::TurningRows<S>::Sums sums;
+  NormalEquations<S, 9> expected, system;
+  const Eigen::Matrix<S, 3, 1> turn(S(0.002), S(0.001), S(-0.001));
+  PointLinearisation<Pinhole<S>> point;
+  test::Rng random("turning rows");
+  for (std::size_t i = 0; i < sights.observations.size(); ++i) {
+    const PoseObservation<S>& o = sights.observations[i];
+    const Eigen::Matrix<S, 3, 1> p = rows.in_row(turn, i, sights.truth * o.p_w);
+    REQUIRE(point.at(sights.camera, p, o));
+    const S pixel = S(random.uniform(0.1, 2)), depth = S(random.uniform(10, 1000));
+    rows.add(point, sights.camera, i, pixel, depth, sums);
+    Eigen::Matrix<S, 3, 1> r;
+    Eigen::Matrix<S, 3, 6> J;
+    PoseObservation<S> there = o;
+    there.p_w = p;
+    REQUIRE(pose_residual<S>(sights.camera, SE3<S>(), there, r, &J));
+    Eigen::Matrix<S, 3, 9> row;
+    row << J, sights.share[i] * J.template rightCols<3>();
+    for (int k = 0; k < 3; ++k) expected.add_row(row.row(k), r(k), k < 2 ? pixel : depth);
+  }
+  const S information = S(1) / (prior.sigma * prior.sigma);
+  for (int k = 0; k < 3; ++k) {
+    expected.add_row(Eigen::Matrix<S, 1, 9>::Unit(6 + k), turn(k) - prior.mean(k), information);
+  }
+  rows.store(sums, turn, system);
+  const double tolerance = std::is_same_v<S, float> ? 1e-4 : 1e-12;
+  CHECK(test::relative_error(system.hessian().template cast<double>(),
+                             expected.hessian().template cast<double>()) < tolerance);
+  CHECK(test::relative_error(system.gradient().template cast<double>(),
+                             expected.gradient().template cast<double>()) < tolerance);
 }
 
 TEST_CASE("the turn is the one for which observations brought to the middle row fit one pose best") {

@@ -3,9 +3,13 @@
 
 #include <doctest/doctest.h>
 
+#include <cmath>
+#include <limits>
+#include <type_traits>
 #include <unsupported/Eigen/AutoDiff>
 
 #include "dynslam/robust/kernels.hpp"
+#include "dynslam/robust/rho_sum.hpp"
 #include "random.hpp"
 
 using namespace dynslam;
@@ -43,6 +47,40 @@ TEST_CASE("every kernel's weight is the derivative of its rho") {
   check_weight_is_slope(Huber<double>{});
   check_weight_is_slope(Cauchy<double>{});
   check_weight_is_slope(Tukey<double>{});
+}
+
+TEST_CASE_TEMPLATE("the logarithm of a product is the sum of logarithms", S, float, double) {
+  const auto kernel = TDistribution<S>::with_dimension(S(5), 3);
+  // The sum over residuals as they are, and so large that a few of them overflow what a number holds.
+  for (const double size : {0.0, 1e-4, 1.0, 1e8, 1e17}) {
+    test::Rng rng("sum of rho");
+    RhoSum<S, TDistribution<S>> sum(kernel);
+    double expected = 0;
+    for (int i = 0; i < 3000; ++i) {
+      const S s = static_cast<S>(size * rng.uniform(0, 1));
+      sum.add(s);
+      expected += 8.0 * std::log1p(static_cast<double>(s) / 5.0);
+    }
+    CAPTURE(size);
+    CHECK(static_cast<double>(sum.value()) ==
+          doctest::Approx(expected).epsilon(std::is_same_v<S, float> ? 1e-4 : 1e-12));
+  }
+  RhoSum<S, TDistribution<S>> infinite(kernel), undefined(kernel);
+  for (const S s : {S(1), std::numeric_limits<S>::infinity(), S(1)}) infinite.add(s);
+  for (const S s : {S(1), std::numeric_limits<S>::quiet_NaN(), S(1)}) undefined.add(s);
+  CHECK(infinite.value() == std::numeric_limits<S>::infinity());
+  CHECK(std::isnan(undefined.value()));
+}
+
+TEST_CASE_TEMPLATE("kernels without a logarithm are summed one by one", S, float, double) {
+  const Huber<S> huber;
+  RhoSum<S, Huber<S>> sum(huber);
+  S expected = S(0);
+  for (const S s : {S(0.5), S(1), S(40)}) {
+    sum.add(s);
+    expected += huber.rho(s);
+  }
+  CHECK(sum.value() == expected);
 }
 
 TEST_CASE("the same derivative with dual numbers, exactly") {

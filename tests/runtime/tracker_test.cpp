@@ -288,10 +288,12 @@ TEST_CASE(
   const Sequence sequence = load_sequence(folder.path);
   const CameraConfig camera = load_camera(sequence.camera_hint);
   const auto truth = read_trajectory(folder.path / "groundtruth.txt");
-  const auto error = [&](std::size_t young_frames) {  // of the last frame's place beside the first [m]
+  const auto error = [&](std::size_t young_frames,
+                         double foreground_share) {  // of the last frame's place [m]
     TrackerOptions o = options(DynamicsMode::geometric);
     o.seed = 3;
     o.search.young_frames = young_frames;
+    o.search.foreground_share = foreground_share;
     Tracker tracker(camera, o);
     TrackResult last;
     for (std::size_t i = 0; i < sequence.frames.size(); ++i)
@@ -300,6 +302,9 @@ TEST_CASE(
     const SE3<double> T_first_last = truth.front().T_w_c.inverse() * truth.back().T_w_c;
     return (T_first_last.inverse() * last.T_w_c).translation().norm();
   };
-  CHECK(error(0) > 0.05);
-  CHECK(error(PoseSearchOptions().young_frames) < 0.005);
+  const PoseSearchOptions usual;
+  CHECK(error(usual.young_frames, usual.foreground_share) < 0.005);
+  CHECK(error(0, usual.foreground_share) > 0.05);  // never asked
+  CHECK(error(usual.young_frames, 1) > 0.05);      // asked of no pose
+  CHECK(error(usual.young_frames, 0) < 0.005);     // of every pose
 }

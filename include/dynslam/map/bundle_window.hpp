@@ -22,7 +22,7 @@ namespace dynslam {
 /// Which keyframes and points BundleWindow takes.
 template <std::floating_point S = double>
 struct BundleWindowOptions {
-  int window = 10;         ///< keyframes adjusted: the newest and those that share most points with it
+  int window = 20;         ///< keyframes adjusted: the newest and those that share most points with it
   int fixed = 15;          ///< keyframes outside that see the same points, kept as they are
   int min_sights = 2;      ///< of a point to take part
   S outlier_chi2 = S(16);  ///< squared normalised error beyond which a sight is removed from the map
