@@ -6,6 +6,10 @@
 # percentile of the keyframe stage (of the frames with a keyframe) and of the whole frame [ms]. Images are links to the
 # sequence's, nothing is copied; stamps go on at the recorded pace.
 #
+# Backwards, rows that were read from the top down come from the bottom up, and what was recorded late comes early: a
+# camera that says how long it reads its rows would be told the contrary of the truth half of the time, and the map would
+# have every surface twice. Its file is therefore used without readout_time and depth_time_offset.
+#
 #   scripts/long-run.sh SEQ [FRAMES] [OPTION...]      default: 6000 frames; OPTIONs go to `dynslam run`
 #
 # Environment: DYNSLAM the program (default build/release/bin/dynslam), STEP frames per line (default 1000), OUT a folder
@@ -66,7 +70,25 @@ if ! grep -q -- '--camera' <<< "$*"; then  # by the name of the folder, as for t
     *freiburg3*|*fr3*) set -- --camera fr3 "$@" ;;
   esac
 fi
-"$program" run "$replay" --out "$work/out" "$@" > "$work/log" 2>&1 || { tail -3 "$work/log" >&2; exit 1; }
+options=()
+while [ $# -gt 0 ]; do
+  options+=("$1")
+  if [ "$1" = --camera ] && [ $# -gt 1 ]; then
+    shift
+    camera=$1
+    for file in "examples/cameras/$1.txt" "examples/cameras/tum_$1.txt"; do
+      [ -f "$camera" ] || camera=$file
+    done
+    if [ -f "$camera" ] && grep -qE '^(readout_time|depth_time_offset)' "$camera"; then
+      sed -E '/^(readout_time|depth_time_offset)/d' "$camera" > "$work/camera.txt"
+      options+=("$work/camera.txt")
+    else
+      options+=("$1")
+    fi
+  fi
+  shift
+done
+"$program" run "$replay" --out "$work/out" "${options[@]}" > "$work/log" 2>&1 || { tail -3 "$work/log" >&2; exit 1; }
 
 awk -F, -v step="${STEP:-1000}" '
   function percentile(values, count, share,    i, j, x) {

@@ -37,6 +37,14 @@ const Lens kLenses[] = {
      {0.4536, -2.5436, 0.000831, -0.000261, 1.4513, 0.3331, -2.3635, 1.3783}},
     {"pole", {300, 300, 320, 240}, {-0.6, 0.05, 0.001, -0.001, 0, -0.9, 0.1, 0.02}}};
 
+/// The same camera with numbers of 24 bits: 1e-7 of a thousand pixels, a few times.
+template <class Camera>
+void check_float(const Camera& camera, const Eigen::Vector3d& p, const cv::Point2d& expected) {
+  const auto x = camera.template cast<float>().project(p.cast<float>());
+  REQUIRE(x);
+  CHECK(std::hypot(x->x() - static_cast<float>(expected.x), x->y() - static_cast<float>(expected.y)) < 2e-3F);
+}
+
 }  // namespace
 
 TEST_CASE("Brown and Conrady's lens agrees with OpenCV's within its field") {
@@ -56,6 +64,7 @@ TEST_CASE("Brown and Conrady's lens agrees with OpenCV's within its field") {
       const auto x = camera.project(p);
       REQUIRE(x);
       CHECK(std::hypot(x->x() - expected[0].x, x->y() - expected[0].y) < 1e-9);
+      check_float(camera, p, expected[0]);
       std::vector<cv::Point2d> straight;
       cv::undistortPoints(expected, straight, K, k, cv::noArray(), K,
                           cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 500, 1e-13));
@@ -83,6 +92,7 @@ TEST_CASE("Kannala and Brandt's lens agrees with OpenCV's fisheye functions") {
       const auto x = camera.project(p);
       REQUIRE(x);
       CHECK(std::hypot(x->x() - expected[0].x, x->y() - expected[0].y) < 1e-9);
+      check_float(camera, p, expected[0]);
       std::vector<cv::Point2d> straight;
       cv::fisheye::undistortPoints(expected, straight, K, k);
       const auto ray = camera.unproject(*x, 1.0);

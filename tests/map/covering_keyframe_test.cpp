@@ -40,6 +40,9 @@ TEST_CASE_TEMPLATE("a keyframe stands for a frame that is near it and shows its 
   CHECK(covering(frame_of<S>(0, 300, S(0.2))) == -1);     // the one that is near shows something else
   CHECK(covering(frame_of<S>(20, 170, S(0.05))) == -1);   // half of the keyframe's points is not enough,
   CHECK(covering(frame_of<S>(140, 250, S(0.35))) == -1);  // nor half of the frame's matches
+  // Where many keyframes are, a frame finds more than any of them shows: that it finds half of one is enough.
+  CHECK(covering(frame_of<S>(0, 700, S(0.05))) == 0);
+  CHECK(covering(frame_of<S>(160, 700, S(0.05))) == -1);
   Frame<S> turned = frame_of<S>(20, 250, S(0));
   turned.T_c_w = SE3<S>(SO3<S>::exp(Eigen::Matrix<S, 3, 1>(0, S(0.16), 0)), turned.T_c_w.translation());
   CHECK(covering(turned) == -1);

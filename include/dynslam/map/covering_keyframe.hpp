@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <concepts>
 #include <cstddef>
 #include <vector>
@@ -17,7 +18,7 @@ struct CoverageOptions {
   S translation = S(0.10);  ///< between the two [m]: well within KeyframeOptions, so that both see the same
   S rotation = S(0.15);     ///< [rad]
   S seen = S(0.6);          ///< matches of the frame, as a share of the points that the keyframe shows
-  S shared = S(0.5);        ///< of the frame's matches that the keyframe shows, too
+  S shared = S(0.5);        ///< of what shows less, the frame's matches or the keyframe, that both show
   int min_matches = 150;    ///< of the frame: with fewer the place needs more points, whoever stands there
 };
 
@@ -37,14 +38,15 @@ template <std::floating_point S, class Patch>
   int best = -1, most = 0;
   for (const auto& k : map.keyframes()) {
     const int shared = votes[static_cast<std::size_t>(k.id)];
-    if (k.culled() || shared < most || static_cast<S>(shared) < options.shared * static_cast<S>(matches))
-      continue;
+    if (k.culled() || shared < most) continue;
     const SE3<S> motion = frame.T_c_w * k.frame.T_c_w.inverse();
     if (motion.translation().norm() > options.translation || motion.so3().log().norm() > options.rotation)
       continue;
     int points = 0;
     for (const int p : k.frame.point) points += p >= 0 && !map.point(p).bad ? 1 : 0;
     if (static_cast<S>(matches) < options.seen * static_cast<S>(points)) continue;
+    // Of many keyframes in one place none shows all that a frame finds there.
+    if (static_cast<S>(shared) < options.shared * static_cast<S>(std::min(matches, points))) continue;
     best = k.id;
     most = shared;
   }

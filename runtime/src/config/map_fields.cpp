@@ -64,7 +64,8 @@ void list(FieldList& f, CoverageOptions<double>& o) {
   f("rotation", o.rotation, "rad", "greatest turn to that keyframe", kNotNegative);
   f("seen", o.seen, "",
     "matches of the frame that it takes, as a share of the points that the keyframe shows", kNotNegative);
-  f("shared", o.shared, "", "share of the frame's matches that the keyframe must show, too", kShare);
+  f("shared", o.shared, "",
+    "share of what shows less, the frame's matches or the keyframe, that both must show", kShare);
   f("min_matches", o.min_matches, "", "matches of the frame below which the place needs more points", kCount);
 }
 

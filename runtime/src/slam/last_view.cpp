@@ -21,12 +21,17 @@ void reduce(const ImageView<const float>& depth, const cv::Mat& mask, Image<floa
   }
 }
 
+/// Goes on halving where a pyramid ends.
+void build(const ImagePyramid& pyramid, HalvingPyramid<std::uint8_t>& out) {
+  const int smallest = pyramid.size() - 1;
+  out.build(pyramid.image(smallest), kLevels, pyramid.scale(smallest));
+}
+
 }  // namespace
 
 void LastView::remember(const ImagePyramid& pyramid, const ImageView<const float>& depth, const cv::Mat& mask,
                         const cv::Mat& moving) {
-  const int smallest = pyramid.size() - 1;
-  images_.build(pyramid.image(smallest), kLevels, pyramid.scale(smallest));
+  build(pyramid, images_);
   const cv::Size size = pyramid.levels.back().size();
   // The rim, too: where it is off by a pixel the gradients are those of what moved.
   cv::resize(mask, moved_, size, 0, 0, cv::INTER_NEAREST);
@@ -41,8 +46,7 @@ void LastView::remember(const ImagePyramid& pyramid, const ImageView<const float
 
 ImageAlignmentResult<double> LastView::align(const ImagePyramid& now, const AnyCamera<double>& camera,
                                              const SE3<double>& predicted) {
-  const int smallest = now.size() - 1;
-  now_.build(now.image(smallest), kLevels, now.scale(smallest));
+  build(now, now_);
   const std::array<SE3<double>, 2> starts{predicted, SE3<double>()};
   return align_images<double>(images_, depth_, now_, camera, std::span<const SE3<double>>(starts), options_,
                               workspace_);
@@ -53,8 +57,7 @@ ImageAlignmentResult<double> LastView::align_behind(const ImagePyramid& now,
                                                     const cv::Mat& foreground,
                                                     const AnyCamera<double>& camera,
                                                     const SE3<double>& predicted) {
-  const int smallest = now.size() - 1;
-  now_.build(now.image(smallest), kLevels, now.scale(smallest));
+  build(now, now_);
   cv::Mat small;
   cv::resize(foreground, small, now.levels.back().size(), 0, 0, cv::INTER_NEAREST);
   cv::dilate(small, small, cv::Mat());
