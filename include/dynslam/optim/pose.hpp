@@ -35,8 +35,10 @@ struct PoseOptions {
   int min_observations = 6;
   S min_pixel_scale = S(1);  ///< below 1: pixel noise is estimated before each round as a factor of what the
                              ///< observations state, between this and 1, and used in its place
-  S tolerance = S(1e-6);     ///< norm of the step that ends the last round [m, rad]
-  S rough_tolerance = S(1e-4);  ///< and one that another round follows, which only chooses inliers
+  /// Norm of the step that ends a round [m, rad]. In rounds that only choose inliers, too, it has to be
+  /// small: between what stands and what moves the way is long and flat, and who stops on it takes the wrong
+  /// ones.
+  S tolerance = S(1e-6);
   S initial_damping = S(1e-4), min_damping = S(1e-9);  ///< lambda of Levenberg-Marquardt (see there)
 };
 
@@ -123,9 +125,7 @@ class PoseProblem {
   [[nodiscard]] Eigen::Matrix<S, 3, 1> turn() const { return rows_.of(turn_); }
 
   /// Linearises at the pose. @return the cost, not finite where there is nothing to minimise
-  /// @param tolerance  norm of the step that ends it
-  [[nodiscard]] S start_round(S tolerance) {
-    tolerance_ = tolerance;
+  [[nodiscard]] S start_round() {
     if (options_.min_pixel_scale < S(1)) pixel_information_ = estimate_pixel_information();
     S cost = linearise_at(T_, turn_, system_);
     if (!std::isfinite(cost)) {  // inliers that the camera does not see from here cannot be inliers
@@ -181,7 +181,7 @@ class PoseProblem {
     return trial_cost;
   }
   void restore() {}
-  [[nodiscard]] bool converged(bool, const S&, const S&) const { return step_.norm() < tolerance_; }
+  [[nodiscard]] bool converged(bool, const S&, const S&) const { return step_.norm() < options_.tolerance; }
 
  private:
   [[nodiscard]] bool has_depth(const PoseObservation<S>& o) const {
@@ -248,7 +248,7 @@ class PoseProblem {
   typename Rows::Turn turn_, trial_turn_;
   System system_, trial_system_;
   typename System::Vector step_ = System::Vector::Zero();
-  S pixel_information_ = S(1), tolerance_ = S(0);
+  S pixel_information_ = S(1);
 };
 
 /// optimize_pose() and what else there is of its kind.
@@ -279,8 +279,7 @@ PoseResult<S> optimize_pose(const Camera& camera, std::span<const PoseObservatio
   PoseProblem<S, Camera, Kernel, Rows> problem(camera, observations, T_c_w_initial, options, kernel,
                                                workspace, rows);
   for (int round = 0; round < options.rounds; ++round) {
-    const bool last = round + 1 == options.rounds;
-    const S cost = problem.start_round(last ? options.tolerance : options.rough_tolerance);
+    const S cost = problem.start_round();
     if (!std::isfinite(cost)) return fail(PoseStatus::diverged);
     const auto minimum = levenberg_marquardt(problem, cost, damping);
     result.iterations += minimum.iterations;

@@ -18,7 +18,7 @@ class RhoSum {
   [[nodiscard]] S value() const { return sum_; }
 
  private:
-  const Kernel& kernel_;
+  Kernel kernel_;
   S sum_ = S(0);
 };
 
