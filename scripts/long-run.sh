@@ -72,6 +72,7 @@ if ! grep -q -- '--camera' <<< "$*"; then  # by the name of the folder, as for t
 fi
 options=()
 while [ $# -gt 0 ]; do
+  case $1 in --camera=*) set -- --camera "${1#*=}" "${@:2}" ;; esac
   options+=("$1")
   if [ "$1" = --camera ] && [ $# -gt 1 ]; then
     shift

@@ -51,5 +51,7 @@ TEST_CASE_TEMPLATE("a keyframe stands for a frame that is near it and shows its 
   CHECK(covering(hidden) == -1);
   (void)map.add_keyframe(frame_of<S>(0, 300, S(0)));
   CHECK(covering(frame_of<S>(20, 250, S(0.05))) == 3);  // of equals the newer one
+  (void)map.add_keyframe(frame_of<S>(0, 0, S(0.7)));    // of a keyframe without points nothing is found
+  CHECK(covering(frame_of<S>(20, 250, S(0.7))) == -1);
   CHECK(covering_keyframe(KeyframeMap<S>(), frame_of<S>(0, 0, S(0)), options, votes) == -1);
 }

@@ -38,7 +38,7 @@ template <std::floating_point S, class Patch>
   int best = -1, most = 0;
   for (const auto& k : map.keyframes()) {
     const int shared = votes[static_cast<std::size_t>(k.id)];
-    if (k.culled() || shared < most) continue;
+    if (k.culled() || shared == 0 || shared < most) continue;
     const SE3<S> motion = frame.T_c_w * k.frame.T_c_w.inverse();
     if (motion.translation().norm() > options.translation || motion.so3().log().norm() > options.rotation)
       continue;

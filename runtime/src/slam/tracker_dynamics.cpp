@@ -12,6 +12,22 @@
 #include "slam/tracker_present.hpp"
 
 namespace dynslam::runtime {
+namespace {
+
+/// Whether more than a share of the matches lies on a mask.
+bool rests_on(const Frame& frame, const cv::Mat& mask, double share) {
+  std::vector<std::uint8_t> on_mask;
+  flag(frame, mask, on_mask);
+  std::ptrdiff_t matches = 0, on_it = 0;
+  for (std::size_t i = 0; i < on_mask.size(); ++i) {
+    if (frame.point[i] < 0) continue;
+    ++matches;
+    on_it += on_mask[i] != 0 ? 1 : 0;
+  }
+  return static_cast<double>(on_it) > share * static_cast<double>(matches);
+}
+
+}  // namespace
 
 void Tracker::mask_a_priori(Present& now, const std::optional<Masks>& prior) const {
   if (!uses_semantic(options_.dynamics) || !prior || prior->dynamic.empty()) {
@@ -40,19 +56,6 @@ bool Tracker::disbelieve_prior(Present& now, MaskVerdict why) {
   std::fill(now.frame.dynamic.begin(), now.frame.dynamic.end(), 0);
   now.result.mask_rejected = why;
   return true;
-}
-
-/// Whether more than a share of the matches lies on a mask.
-static bool rests_on(const Frame& frame, const cv::Mat& mask, double share) {
-  std::vector<std::uint8_t> on_mask(frame.features.size(), 0);
-  flag(frame, mask, on_mask);
-  std::ptrdiff_t matches = 0, on_it = 0;
-  for (std::size_t i = 0; i < on_mask.size(); ++i) {
-    if (frame.point[i] < 0) continue;
-    ++matches;
-    on_it += on_mask[i] != 0 ? 1 : 0;
-  }
-  return static_cast<double>(on_it) > share * static_cast<double>(matches);
 }
 
 /// In the first frames nothing was seen to move yet, and a mover that has most of the features passes for the
