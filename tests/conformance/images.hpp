@@ -210,6 +210,10 @@ void cells_of(const ImageSet<S>& set, Record<double>& out) {
   const auto resting = resting_instances(Kind::in(instances), Kind::in(mask), Kind::in(depth), Kind::in(full),
                                          verified, RestingOptions<S>{4, 40, S(0.4), S(1.1)});
   out.put("resting_instances", resting.size() == 3 && resting[2] == 1);
+  auto parts = Kind::make(zero);
+  split_instances(
+      Kind::in(instances), [](int u, int) { return u > 30 ? 1 : 0; }, Kind::out(parts));
+  put_image(out, "split_instances", Kind::in(parts));
   auto dynamic = Kind::make(set.mask), rest = Kind::make(zero);
   give_back_resting(Kind::in(instances), resting, Kind::out(dynamic), Kind::out(rest));
   put_image(out, "give_back_resting", Kind::in(rest));

@@ -53,6 +53,41 @@ TEST_CASE_TEMPLATE("who sits is at rest; who walks, fidgets, or is hardly seen i
   CHECK(room.resting().empty());
 }
 
+TEST_CASE("the desk that a network takes for a part of somebody who walks is at rest by itself") {
+  Room<float> room;
+  for (int v = 0; v < 40; ++v) {
+    for (int u = 0; u < 120; ++u) {
+      room.instances(u, v) = u < 80 ? 7 : 0;  // the second walks before the first, a desk this time
+      if (u >= 40 && u < 80) room.moving(u, v) = 255;
+    }
+  }
+  CHECK(room.resting()[7] == 0);  // as a whole
+  const auto surface = [](int u, int) { return u < 40 ? 3 : 1; };
+  Image<std::uint16_t> parts(120, 40, 9);
+  CHECK(split_instances(room.instances, surface, parts) == 2);
+  for (int v = 0; v < 40; ++v) {
+    for (int u = 0; u < 120; ++u) CHECK(parts(u, v) == (u < 40 ? 1 : u < 80 ? 2 : 0));
+  }
+  room.instances = parts;
+  CHECK(room.resting() == std::vector<std::uint8_t>{0, 1, 0});
+}
+
+TEST_CASE("parts are told apart by instance and by surface, as many as a pixel can count") {
+  Image<std::uint16_t> instances(300, 2, 0);
+  for (int u = 0; u < 300; ++u) instances(u, 0) = instances(u, 1) = static_cast<std::uint16_t>(1 + u / 2);
+  const auto row = [](int, int v) { return v; };
+  Image<std::uint16_t> parts(300, 2);
+  CHECK(split_instances(instances, row, parts) == 300);
+  CHECK((parts(0, 0) == 1 && parts(1, 0) == 1 && parts(2, 0) == 2 && parts(0, 1) == 151));
+  Image<std::uint8_t> few(300, 2);
+  CHECK(split_instances(instances, row, few) == 255);
+  CHECK((few(2, 0) == 2 && few(299, 0) == 150 && few(207, 1) == 254 && few(208, 1) == 255 &&
+         few(299, 1) == 255));
+  instances.fill(0);
+  CHECK(split_instances(instances, row, few) == 0);
+  CHECK(few(299, 1) == 0);
+}
+
 TEST_CASE("what rests leaves the mask of what moves, and nothing else does") {
   Room<float> room;
   Image<std::uint8_t> dynamic(120, 40, 255), at_rest(120, 40, 0);

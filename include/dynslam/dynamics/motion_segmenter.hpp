@@ -223,6 +223,13 @@ class MotionSegmenter {
     return c >= 0 && motion_.verified.data()[c] != 0;
   }
 
+  /// The surface at a pixel of the frame last segmented, counted from 1; 0: none of a size worth telling.
+  [[nodiscard]] int surface(float u, float v) const {
+    if (outlines_.surface.width() == 0) return 0;
+    const int c = grid_.cell_at(u, v);
+    return c >= 0 ? outlines_.surface.data()[c] : 0;
+  }
+
  private:
   /// A frame that was remembered is the last one from then on.
   template <class G>

@@ -5,7 +5,9 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "dynslam/concepts/image.hpp"
@@ -23,8 +25,41 @@ struct RestingOptions {
   S max_moving = S(0.05);  ///< share of the samples on the mask of what moves
 };
 
-/// Instances on the a-priori mask that are at rest, such as people who sit: their points may serve the pose.
+/// Splits instances by the surfaces that they lie on: what a network takes for one thing may be a mover and
+/// the desk below it, of which only one is at rest.
 /// @param instances  0 = none, else the instance's number
+/// @param surface    surface(u, v) -> int: number of the connected surface at a pixel
+/// @param parts      out, of the same size: 0 = none, else the part's number, counted in the order of the
+/// rows
+/// @return how many parts there are; beyond what a pixel of `parts` can hold, they are one with the last
+template <LabelImage Instances, class Surface, OutputLabelImage Parts>
+std::size_t split_instances(const Instances& instances, Surface&& surface, Parts&& parts) {
+  DYNSLAM_ASSERT(instances.width() == parts.width() && instances.height() == parts.height(),
+                 "both images have the same size");
+  using Number = typename std::remove_reference_t<Parts>::Pixel;
+  std::vector<std::pair<std::int64_t, std::int64_t>> known;  // instance and surface of each part
+  std::size_t last = 0;                                      // neighbours mostly are of one part
+  for (int v = 0; v < instances.height(); ++v) {
+    for (int u = 0; u < instances.width(); ++u) {
+      if (instances(u, v) <= 0) {
+        parts(u, v) = 0;
+        continue;
+      }
+      const std::pair<std::int64_t, std::int64_t> at(instances(u, v), surface(u, v));
+      if (last >= known.size() || known[last] != at) {
+        last = static_cast<std::size_t>(std::find(known.begin(), known.end(), at) - known.begin());
+        if (last == known.size() && last < static_cast<std::size_t>(std::numeric_limits<Number>::max()))
+          known.push_back(at);
+        last = std::min(last, known.size() - 1);
+      }
+      parts(u, v) = static_cast<Number>(last + 1);
+    }
+  }
+  return known.size();
+}
+
+/// Instances on the a-priori mask that are at rest, such as people who sit: their points may serve the pose.
+/// @param instances  0 = none, else the instance's number, or that of its part (split_instances())
 /// @param prior      nonzero = may move
 /// @param depth      [m]
 /// @param moving     nonzero = seen to move

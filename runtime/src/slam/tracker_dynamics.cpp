@@ -128,13 +128,18 @@ void Tracker::find_movers(Present& now) {
   now.watch.lap_ms();
 }
 
-/// Takes instances that have not moved for long out of the mask: their points serve the pose, but the map,
-/// which goes by labels, never gets their surface.
+/// Takes what of the instances has not moved for long out of the mask: its points serve the pose, but the
+/// map, which goes by labels, never gets its surface.
 void Tracker::give_back_resting(Present& now) {
   resting_.create(now.result.dynamic_mask.size(), CV_8UC1);
   resting_.setTo(0);
   if (now.prior->instances.empty()) return;
-  const auto instances = interop::view<const std::uint16_t>(now.prior->instances);
+  parts_.create(resting_.size(), CV_16UC1);
+  split_instances(
+      interop::view<const std::uint16_t>(now.prior->instances),
+      [&](int u, int v) { return geometry_.surface(static_cast<float>(u), static_cast<float>(v)); },
+      interop::view<std::uint16_t>(parts_));
+  const auto instances = interop::view<const std::uint16_t>(std::as_const(parts_));
   const auto at_rest = resting_instances(
       instances, interop::view<const std::uint8_t>(now.prior->dynamic), now.depth,
       interop::view<const std::uint8_t>(std::as_const(now.moving)),

@@ -168,6 +168,7 @@ class Tracker {
   std::size_t last_keyframe_index_ = 0;
   int last_keyframe_tracked_ = 0;
   cv::Mat resting_;                        // people at rest, CV_8UC1
+  cv::Mat parts_;                          // instances by surface, CV_16UC1
   cv::Mat standing_;                       // what stands in the place where it stood long before, CV_8UC1
   std::optional<double> last_keyframe_t_;  // empty until this run has one [s]
 };
