@@ -155,10 +155,10 @@ TEST_CASE_TEMPLATE("a grid knows its pixels and back, through any lens", S, floa
     const DepthGrid grid(camera, 160, 120, {.columns = 40});
     int inside = 0, same = 0;
     for (std::size_t c = 0; c < grid.cells(); ++c) {
-      const int pixel = grid.pixel_of(c);
-      if (pixel < 0) continue;
+      const RecordedPixel pixel = grid.pixel_of(c);
+      if (pixel.u < 0) continue;
       ++inside;
-      same += grid.cell(pixel % 160, pixel / 160) == static_cast<int>(c) ? 1 : 0;
+      same += grid.cell(pixel.u, pixel.v) == static_cast<int>(c) ? 1 : 0;
     }
     CHECK(inside > 800);
     CHECK(same > round_trips * inside);

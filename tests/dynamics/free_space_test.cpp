@@ -4,7 +4,9 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 
 #include "random.hpp"
@@ -20,29 +22,33 @@ TEST_CASE_TEMPLATE("depth bounds equal a brute-force search of each neighbourhoo
     }
   }
   DepthBounds<S> bounds;
-  bounds.compute(depth.view());
   int invalid = 0;
-  for (int v = 0; v < depth.height(); ++v) {
-    for (int u = 0; u < depth.width(); ++u) {
-      S lo = S(100), hi = S(0);
-      int valid = 0;
-      for (int y = v - 1; y <= v + 1; ++y) {
-        for (int x = u - 1; x <= u + 1; ++x) {
-          if (x < 0 || y < 0 || x >= 17 || y >= 11 || !is_valid_depth(depth(x, y))) continue;
-          ++valid;
-          lo = std::min(lo, depth(x, y));
-          hi = std::max(hi, depth(x, y));
+  for (const int radius : {1, 0, 4, 20}) {  // the last reaches beyond both borders
+    CAPTURE(radius);
+    const int min_valid = radius == 0 ? 1 : 5;
+    bounds.compute(depth.view(), min_valid, radius);
+    for (int v = 0; v < depth.height(); ++v) {
+      for (int u = 0; u < depth.width(); ++u) {
+        S lo = S(100), hi = S(0);
+        int valid = 0;
+        for (int y = v - radius; y <= v + radius; ++y) {
+          for (int x = u - radius; x <= u + radius; ++x) {
+            if (x < 0 || y < 0 || x >= 17 || y >= 11 || !is_valid_depth(depth(x, y))) continue;
+            valid += std::abs(x - u) <= 1 && std::abs(y - v) <= 1 ? 1 : 0;
+            lo = std::min(lo, depth(x, y));
+            hi = std::max(hi, depth(x, y));
+          }
         }
-      }
-      CAPTURE(u);
-      CAPTURE(v);
-      if (valid >= 5) {
-        CHECK(bounds.nearest(u, v) == lo);
-        CHECK(bounds.farthest(u, v) == hi);
-      } else {
-        ++invalid;
-        CHECK(std::isnan(bounds.nearest(u, v)));
-        CHECK(std::isnan(bounds.farthest(u, v)));
+        CAPTURE(u);
+        CAPTURE(v);
+        if (valid >= min_valid) {
+          CHECK(bounds.nearest(u, v) == lo);
+          CHECK(bounds.farthest(u, v) == hi);
+        } else {
+          ++invalid;
+          CHECK(std::isnan(bounds.nearest(u, v)));
+          CHECK(std::isnan(bounds.farthest(u, v)));
+        }
       }
     }
   }

@@ -36,6 +36,11 @@ struct RowRange {
   int begin = 0, end = 0;
 };
 
+/// A pixel of the recorded image; (-1, -1): outside.
+struct RecordedPixel {
+  int u = -1, v = -1;
+};
+
 /// A grid of square cells over the ideal pinhole image of a camera, and which recorded pixels belong to which
 /// cell. Lenses cost nothing once it is made: dense work goes along the cells' rays.
 ///
@@ -72,8 +77,8 @@ class DepthGrid {
   [[nodiscard]] int image_height() const { return image_height_; }  ///< pixels
   [[nodiscard]] int stride() const { return stride_; }              ///< ideal pixels per cell
 
-  /// Recorded pixel nearest to a cell's centre as v * width + u; -1: outside the image.
-  [[nodiscard]] int pixel_of(std::size_t cell) const { return pixel_of_cell_[cell]; }
+  /// Recorded pixel nearest to a cell's centre.
+  [[nodiscard]] RecordedPixel pixel_of(std::size_t cell) const { return pixel_of_cell_[cell]; }
   /// Cell of a recorded pixel inside the image as j * width + i; -1: none.
   [[nodiscard]] int cell(int u, int v) const {
     return cell_of_pixel_[static_cast<std::size_t>(v * image_width_ + u)];
@@ -108,36 +113,50 @@ class DepthGrid {
     smooth.resize(width_, height_);
     const int w = image_width_, h = image_height_, reach = stride_ / 2;
     for (std::size_t c = 0; c < pixel_of_cell_.size(); ++c) {
-      float z = std::numeric_limits<float>::quiet_NaN();
-      bool flat = false;
-      const int pixel = pixel_of_cell_[c];
-      if (pixel >= 0) {
-        const int u = pixel % w, v = pixel / w;
-        float lo = std::numeric_limits<float>::max(), hi = 0.0F;
-        int valid = 0;
-        const auto look = [&](int x, int y) {
-          if (x < 0 || y < 0 || x >= w || y >= h) return;
-          const auto d = static_cast<float>(depth(x, y));
-          if (!is_valid_depth(d)) return;
-          lo = std::min(lo, d);
-          hi = std::max(hi, d);
-          ++valid;
+      const auto [u, v] = pixel_of_cell_[c];
+      Sample sample;
+      if (u >= reach && v >= reach && u + reach < w && v + reach < h) {
+        sample.centre(static_cast<float>(depth(u, v)));
+        sample.add(static_cast<float>(depth(u - reach, v)));
+        sample.add(static_cast<float>(depth(u + reach, v)));
+        sample.add(static_cast<float>(depth(u, v - reach)));
+        sample.add(static_cast<float>(depth(u, v + reach)));
+      } else if (u >= 0) {  // at the image's border
+        const auto add = [&](int x, int y) {
+          if (x >= 0 && y >= 0 && x < w && y < h) sample.add(static_cast<float>(depth(x, y)));
         };
-        look(u, v);
-        const float centre = valid > 0 ? lo : z;
-        look(u - reach, v);
-        look(u + reach, v);
-        look(u, v - reach);
-        look(u, v + reach);
-        if (valid > 0) z = is_valid_depth(centre) ? centre : lo;
-        flat = valid >= 4 && hi - lo < options_.edge_base + options_.edge_quad * lo * lo;
+        sample.centre(static_cast<float>(depth(u, v)));
+        add(u - reach, v);
+        add(u + reach, v);
+        add(u, v - reach);
+        add(u, v + reach);
       }
-      out.data()[c] = z;
-      smooth.data()[c] = flat ? 1 : 0;
+      out.data()[c] = sample.depth();
+      const float lo = sample.lo;
+      smooth.data()[c] =
+          (sample.valid >= 4) & (sample.hi - lo < options_.edge_base + options_.edge_quad * lo * lo) ? 1 : 0;
     }
   }
 
  private:
+  /// Depths in a cell; without branches, for half of them would be guessed wrong at an edge.
+  struct Sample {
+    float lo = std::numeric_limits<float>::max(), hi = 0, middle = std::numeric_limits<float>::quiet_NaN();
+    int valid = 0;
+
+    void add(float z) {
+      const bool ok = is_valid_depth(z);
+      lo = std::min(lo, ok ? z : lo);
+      hi = std::max(hi, ok ? z : hi);
+      valid += ok ? 1 : 0;
+    }
+    void centre(float z) {
+      add(z);
+      middle = is_valid_depth(z) ? z : middle;
+    }
+    [[nodiscard]] float depth() const { return valid > 0 && !is_valid_depth(middle) ? lo : middle; }
+  };
+
   template <class C>
   static constexpr bool has_own_pinhole = HasPinhole<C> || std::same_as<C, Pinhole<typename C::ScalarType>>;
 
@@ -167,7 +186,7 @@ class DepthGrid {
   void look_up_cells(const C& camera, const Pinhole<typename C::ScalarType>& pinhole) {
     using S = typename C::ScalarType;
     const auto n = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
-    pixel_of_cell_.assign(n, -1);
+    pixel_of_cell_.assign(n, RecordedPixel());
     ray_x_.resize(n);
     ray_y_.resize(n);
     for (int j = 0; j < height_; ++j) {
@@ -181,8 +200,7 @@ class DepthGrid {
         const auto raw = from_ideal(camera, pinhole, ideal);
         if (!raw) continue;
         const int u = static_cast<int>(std::lround(raw->x())), v = static_cast<int>(std::lround(raw->y()));
-        if (u >= 0 && v >= 0 && u < image_width_ && v < image_height_)
-          pixel_of_cell_[c] = v * image_width_ + u;
+        if (u >= 0 && v >= 0 && u < image_width_ && v < image_height_) pixel_of_cell_[c] = {u, v};
       }
     }
   }
@@ -214,7 +232,8 @@ class DepthGrid {
   int stride_ = 1, width_ = 0, height_ = 0;
   int left_ = 0, top_ = 0;  // ideal pixel of the grid's corner
   float fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0;
-  std::vector<int> pixel_of_cell_, cell_of_pixel_;
+  std::vector<RecordedPixel> pixel_of_cell_;
+  std::vector<int> cell_of_pixel_;
   std::vector<RowRange> rows_;
   std::vector<float> ray_x_, ray_y_;
 };

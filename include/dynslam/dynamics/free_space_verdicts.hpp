@@ -66,12 +66,11 @@ enum CellState : std::uint8_t {
 template <LabelImage Mask>
 void state_cells(const DepthGrid& grid, const Mask& mask, const Image<std::uint8_t>& moved,
                  Image<std::uint8_t>& state, Image<std::uint8_t>& age) {
-  const int w = grid.image_width();
-  const bool usable = mask.width() == w && mask.height() == grid.image_height();
+  const bool usable = mask.width() == grid.image_width() && mask.height() == grid.image_height();
   state.resize(grid.width(), grid.height());
   for (std::size_t c = 0; c < grid.cells(); ++c) {
-    const int pixel = usable ? grid.pixel_of(c) : -1;
-    const bool dynamic = pixel >= 0 && mask(pixel % w, pixel / w) != 0;
+    const RecordedPixel pixel = usable ? grid.pixel_of(c) : RecordedPixel();
+    const bool dynamic = pixel.u >= 0 && mask(pixel.u, pixel.v) != 0;
     state.data()[c] = !dynamic ? kCellStatic : moved.data()[c] != 0 ? kCellMoved : kCellSuspected;
     // A mask that the geometry did not find (the semantic one) counts as fresh evidence.
     if (!dynamic || age.data()[c] == FreeSpaceVerdicts::kNever) age.data()[c] = 0;

@@ -3,12 +3,15 @@
 
 #include <algorithm>
 #include <concepts>
+#include <cstddef>
 #include <cstdlib>
 #include <limits>
+#include <vector>
 
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/image/image.hpp"
+#include "dynslam/image/image_row.hpp"
 
 namespace dynslam {
 
@@ -29,24 +32,65 @@ struct DepthBounds {
     nearest.resize(w, h);
     farthest.resize(w, h);
     for (int v = 0; v < h; ++v) {
+      find_columns(depth, v, radius);
+      find_row(nearest.row(v), farthest.row(v), w, radius, static_cast<S>(min_valid));
+    }
+  }
+
+ private:
+  static constexpr S kNone = std::numeric_limits<S>::max();
+
+  /// Empty columns on either side of what is known of the columns, so that no loop asks where the image ends.
+  static int padding(int radius) { return std::max(1, radius); }
+
+  /// Bounds of each column over the rows about v, and how many of the nearest three are valid.
+  template <DepthImage D>
+  void find_columns(const D& depth, int v, int radius) {
+    const int w = depth.width();
+    const int pad = padding(radius);
+    const auto padded = static_cast<std::size_t>(w + 2 * pad);
+    low_.assign(padded, kNone);
+    high_.assign(padded, S(0));
+    valid_.assign(padded, S(0));
+    S *lo = low_.data() + pad, *hi = high_.data() + pad, *n = valid_.data() + pad;
+    for (int y = std::max(0, v - radius); y <= std::min(depth.height() - 1, v + radius); ++y) {
+      const auto row = image_row(depth, y);
+      const S counts = std::abs(y - v) <= 1 ? S(1) : S(0);
       for (int u = 0; u < w; ++u) {
-        S lo = std::numeric_limits<S>::max(), hi = S(0);
-        int valid = 0;
-        for (int dv = std::max(0, v - radius); dv <= std::min(h - 1, v + radius); ++dv) {
-          for (int du = std::max(0, u - radius); du <= std::min(w - 1, u + radius); ++du) {
-            const S z = static_cast<S>(depth(du, dv));
-            if (!is_valid_depth(z)) continue;
-            lo = std::min(lo, z);
-            hi = std::max(hi, z);
-            valid += std::abs(du - u) <= 1 && std::abs(dv - v) <= 1 ? 1 : 0;
-          }
-        }
-        const bool ok = valid >= min_valid;
-        nearest(u, v) = ok ? lo : std::numeric_limits<S>::quiet_NaN();
-        farthest(u, v) = ok ? hi : std::numeric_limits<S>::quiet_NaN();
+        const S z = static_cast<S>(row[u]);
+        const bool ok = is_valid_depth(z);
+        const S near = ok ? z : kNone, far = ok ? z : S(0), one = ok ? counts : S(0);
+        lo[u] = near < lo[u] ? near : lo[u];
+        hi[u] = far > hi[u] ? far : hi[u];
+        n[u] += one;
       }
     }
   }
+
+  void find_row(S* nearest_row, S* farthest_row, int w, int radius, S min_valid) const {
+    constexpr S kUnknown = std::numeric_limits<S>::quiet_NaN();
+    const int pad = padding(radius);
+    const S *lo = low_.data() + pad, *hi = high_.data() + pad, *n = valid_.data() + pad;
+    for (int u = 0; u < w; ++u) {
+      nearest_row[u] = lo[u];
+      farthest_row[u] = hi[u];
+    }
+    for (int k = -radius; k <= radius; ++k) {
+      for (int u = 0; u < w; ++u) {
+        nearest_row[u] = std::min(nearest_row[u], lo[u + k]);
+        farthest_row[u] = std::max(farthest_row[u], hi[u + k]);
+      }
+    }
+    const S beside = radius > 0 ? S(1) : S(0);
+    for (int u = 0; u < w; ++u) {
+      const S valid = n[u] + beside * (n[u - 1] + n[u + 1]);
+      const S unknown = valid >= min_valid ? S(0) : kUnknown;  // what it is added to is, too
+      nearest_row[u] += unknown;
+      farthest_row[u] += unknown;
+    }
+  }
+
+  std::vector<S> low_, high_, valid_;  // of columns
 };
 
 }  // namespace dynslam

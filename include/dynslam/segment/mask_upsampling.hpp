@@ -32,9 +32,22 @@ namespace detail {
 enum class Zone : std::uint8_t { outside, rim, inside };
 
 /// Where pixels must be looked at one by one: in the cells at the rim of a region.
+/// @return whether there is any
 template <LabelImage Cells>
-void find_zones(const Cells& cells, ImageView<std::uint8_t> zone) {
+bool find_zones(const Cells& cells, ImageView<std::uint8_t> zone) {
   const int w = cells.width(), h = cells.height();
+  bool found = false;
+  for (int j = 0; j < h; ++j) {
+    const auto row = image_row(cells, j);
+    std::uint8_t* out = zone.row(j);
+    bool in_row = false;
+    for (int i = 0; i < w; ++i) {
+      in_row |= row[i] != 0;
+      out[i] = static_cast<std::uint8_t>(Zone::outside);
+    }
+    found |= in_row;
+  }
+  if (!found) return false;
   for (int j = 0; j < h; ++j) {
     for (int i = 0; i < w; ++i) {
       bool any = false, all = true;
@@ -48,6 +61,7 @@ void find_zones(const Cells& cells, ImageView<std::uint8_t> zone) {
       zone(i, j) = static_cast<std::uint8_t>(all ? Zone::inside : any ? Zone::rim : Zone::outside);
     }
   }
+  return true;
 }
 
 /// Whether a pixel of depth z in cell (i, j) belongs to the mask: as the neighbouring cell whose depth is
@@ -89,13 +103,14 @@ void upsample_mask(const Cells& cells, const C& cell_depth, const D& depth, cons
       "cells and their depth have the grid's size");
   DYNSLAM_ASSERT(same_size(mask, depth), "the mask has the size of the depth image");
   zone.resize(w, h);
-  detail::find_zones(cells, zone.view());
+  const bool any = detail::find_zones(cells, zone.view());
   constexpr auto kOutside = static_cast<std::uint8_t>(detail::Zone::outside);
   constexpr auto kInside = static_cast<std::uint8_t>(detail::Zone::inside);
   const std::uint8_t* zones = zone.data();
   for (int v = 0; v < depth.height(); ++v) {
     auto out = image_row(mask, v);
     for (int u = 0; u < mask.width(); ++u) out[u] = 0;
+    if (!any) continue;
     const auto rows = grid.rows(v);
     if (std::all_of(zones + rows.begin * w, zones + rows.end * w,
                     [](std::uint8_t z) { return z == kOutside; }))
