@@ -27,6 +27,14 @@ bool rests_on(const Frame& frame, const cv::Mat& mask, double share) {
   return static_cast<double>(on_it) > share * static_cast<double>(matches);
 }
 
+/// Whether a match is flagged.
+bool on_a_match(const Frame& frame, const std::vector<std::uint8_t>& flags) {
+  for (std::size_t i = 0; i < flags.size(); ++i) {
+    if (flags[i] != 0 && frame.point[i] >= 0) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 void Tracker::mask_a_priori(Present& now, const std::optional<Masks>& prior) const {
@@ -174,6 +182,11 @@ void Tracker::pose_without_movers(Present& now) {
     if (!standing_.empty()) suspected.setTo(0, standing_);
     flag(frame, suspected, masks[0]);
     for (std::size_t i = 0; i < frame.dynamic.size(); ++i) masks[0][i] |= frame.dynamic[i];
+  }
+  if (!on_a_match(frame, masks[0])) {  // the pose is what it was
+    frame.dynamic = std::move(masks[0]);
+    cv::bitwise_or(now.result.dynamic_mask, now.moving, now.result.dynamic_mask);
+    return;
   }
   look_for_turn(now);
   const auto fused = masked_pose(
