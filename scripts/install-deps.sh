@@ -15,7 +15,8 @@ development=(git clang doctest-dev libbenchmark-dev libceres-dev libopencv-contr
   pkg-config python3 unzip doxygen libjs-mathjax parallel)
 # For one test each (the first with 60 packages of ROS and Boost), and not in every release: taken where apt has them.
 optional=(librosbag-storage-dev chromium xvfb)
-optional_app=()
+# PNG is decompressed by ISA-L, which not every architecture has, or by libdeflate.
+optional_app=(libisal-dev)
 [ "${ONNXRUNTIME:-on}" = off ] || optional_app+=(libonnxruntime-dev)
 # The page of reports is bundled by npm. A node from elsewhere has its own npm, beside which Debian's cannot be installed.
 command -v node > /dev/null && command -v npm > /dev/null || app+=(nodejs npm)

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "io/png_decoder.hpp"
 
-#include <libdeflate.h>
 #ifdef __x86_64__
 #include <tmmintrin.h>
 #endif
@@ -11,11 +10,11 @@
 #include <cstddef>
 #include <cstdlib>
 #include <limits>
-#include <memory>
-#include <new>
 #include <opencv2/imgproc.hpp>
 #include <string_view>
 #include <utility>
+
+#include "io/zlib_stream.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -165,39 +164,29 @@ bool unfilter_rows(std::uint8_t* rows, std::size_t width, std::size_t height) {
 
 /// What a thread that decodes frame by frame need not ask for again.
 struct Scratch {
-  struct Free {
-    void operator()(libdeflate_decompressor* d) const { libdeflate_free_decompressor(d); }
-  };
-  std::unique_ptr<libdeflate_decompressor, Free> decompressor{libdeflate_alloc_decompressor()};
-  std::vector<std::uint8_t> packed, rows;
+  ZlibInflater inflate;
+  std::vector<PngBytes> parts;
+  std::vector<std::uint8_t> rows;
 };
 
 /// @param size  of all filtered rows [bytes], which scratch.rows then holds
 bool decompress(PngBytes bytes, const PngFile& file, std::size_t size, Scratch& scratch, std::string& fault) {
-  if (!scratch.decompressor) throw std::bad_alloc();
-  PngBytes packed = bytes.subspan(file.data.front().at, file.data.front().length);
-  if (file.data.size() > 1) {
-    scratch.packed.clear();
-    for (const PngFile::Part& part : file.data) {
-      const PngBytes more = bytes.subspan(part.at, part.length);
-      scratch.packed.insert(scratch.packed.end(), more.begin(), more.end());
-    }
-    packed = scratch.packed;
-  }
+  scratch.parts.clear();
+  for (const PngFile::Part& part : file.data) scratch.parts.push_back(bytes.subspan(part.at, part.length));
   scratch.rows.resize(size);
-  switch (libdeflate_zlib_decompress(scratch.decompressor.get(), packed.data(), packed.size(),
-                                     scratch.rows.data(), size, nullptr)) {
-    case LIBDEFLATE_SUCCESS:
+  switch (scratch.inflate(scratch.parts, scratch.rows)) {
+    case Inflated::whole:
       return true;
-    case LIBDEFLATE_INSUFFICIENT_SPACE:
+    case Inflated::too_long:
       return false;  // more than the image has: libpng warns and reads it
-    case LIBDEFLATE_SHORT_OUTPUT:
+    case Inflated::too_short:
       fault = "it holds fewer rows than it says";
       return false;
-    default:
-      fault = "its rows cannot be decompressed";
-      return false;
+    case Inflated::broken:
+      break;
   }
+  fault = "its rows cannot be decompressed";
+  return false;
 }
 
 cv::Mat grey16(const std::uint8_t* rows, cv::Size size) {
@@ -234,8 +223,7 @@ PngFile open_png(PngBytes bytes, int longest_side) {
     }
     if (length > bytes.size() - at - kChunkFrame) return fails("its last chunk is cut off");
     const bool critical = (name[0] & 0x20) == 0;
-    if (critical &&
-        libdeflate_crc32(0, bytes.data() + at + 4, length + 4) != big_endian(bytes, at + 8 + length))
+    if (critical && crc32(bytes.subspan(at + 4, length + 4)) != big_endian(bytes, at + 8 + length))
       return fails("the check sum of its chunk " + std::string(name) + " differs");
     if (name == "IEND") break;
     if (name == "IDAT") file.data.push_back({at + 8, length});

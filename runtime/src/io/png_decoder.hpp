@@ -29,7 +29,7 @@ struct PngFile {
 
 /// The pixels of a file that is `plain`: rows from top to bottom, grey values of 8 or 16 bits or colours of 3
 /// x 8, nothing transparent. Same pixels as cv::imdecode's, CV_8UC1, CV_16UC1 or CV_8UC3 (blue, green, red),
-/// in half its time: decompressed at once by libdeflate.
+/// in less than half its time.
 /// @param bytes  those that `file` was opened from
 /// @param fault  what is wrong with the data; where it stays empty and so does the image, libpng may know
 /// better

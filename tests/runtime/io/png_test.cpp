@@ -2,6 +2,7 @@
 #include <doctest/doctest.h>
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <cstdlib>
 #include <opencv2/imgcodecs.hpp>
@@ -106,6 +107,44 @@ cv::Mat by_opencv(const std::string& file, int flags) {
   return cv::imdecode(std::vector<char>(file.begin(), file.end()), flags);
 }
 
+/// The compressed rows of a PNG that OpenCV wrote.
+std::string packed_rows(const cv::Mat& image, int level) {
+  std::vector<std::uint8_t> file;
+  cv::imencode(".png", image, file, {cv::IMWRITE_PNG_COMPRESSION, level});
+  std::string packed;
+  for (std::size_t at = 8; at + 12 <= file.size();) {
+    const std::size_t length = std::size_t{file[at]} << 24 | std::size_t{file[at + 1]} << 16 |
+                               std::size_t{file[at + 2]} << 8 | file[at + 3];
+    if (std::string(file.begin() + static_cast<std::ptrdiff_t>(at) + 4,
+                    file.begin() + static_cast<std::ptrdiff_t>(at) + 8) == "IDAT")
+      packed.append(reinterpret_cast<const char*>(file.data()) + at + 8, length);
+    at += 12 + length;
+  }
+  return packed;
+}
+
+std::string in_parts(const cv::Mat& image, const std::string& packed, std::size_t part) {
+  Made png;
+  append_number(png.header, static_cast<std::uint32_t>(image.cols));
+  append_number(png.header, static_cast<std::uint32_t>(image.rows));
+  png.header += std::string(1, '\x10') + std::string(4, '\0');
+  std::string out("\x89PNG\r\n\x1A\n", 8);
+  out += chunk("IHDR", png.header);
+  for (std::size_t at = 0; at < packed.size(); at += part) out += chunk("IDAT", packed.substr(at, part));
+  return out + chunk("IEND", "");
+}
+
+/// Depth of a slanted wall with noise, larger than the 32 KiB that a stream looks back.
+cv::Mat wall() {
+  cv::Mat image(160, 200, CV_16UC1);
+  std::mt19937 random(3);
+  for (int v = 0; v < image.rows; ++v) {
+    for (int u = 0; u < image.cols; ++u)
+      image.at<std::uint16_t>(v, u) = static_cast<std::uint16_t>(5000 + 20 * u + 7 * v + random() % 8);
+  }
+  return image;
+}
+
 bool same(const cv::Mat& a, const cv::Mat& b) {
   return !a.empty() && a.size() == b.size() && a.type() == b.type() && cv::norm(a, b, cv::NORM_INF) == 0;
 }
@@ -132,6 +171,36 @@ TEST_CASE("a PNG is read as by OpenCV: every kind, filter and size") {
           CHECK(same(EncodedImage("a.png", file).decode(flags), by_opencv(file, flags)));
       }
     }
+  }
+}
+
+TEST_CASE("compressed rows may be cut anywhere into parts") {
+  const cv::Mat image = wall();
+  for (const int level : {1, 6, 9}) {
+    CAPTURE(level);
+    const std::string packed = packed_rows(image, level);
+    REQUIRE(packed.size() > 10000);
+    for (const std::size_t part : {packed.size(), packed.size() - 1, packed.size() - 4, std::size_t{8192},
+                                   std::size_t{777}, std::size_t{3}, std::size_t{1}}) {
+      CAPTURE(part);
+      CHECK(same(EncodedImage("a.png", in_parts(image, packed, part)).decode(cv::IMREAD_UNCHANGED), image));
+    }
+  }
+}
+
+TEST_CASE("a stream that ends early or is changed gives no other picture, whatever the chunks' sums say") {
+  const cv::Mat image = wall();
+  const std::string packed = packed_rows(image, 6);
+  for (std::size_t length = 1; length < packed.size(); length += length < packed.size() - 40 ? 997 : 1) {
+    CAPTURE(length);
+    for (const std::size_t part : {packed.size(), std::size_t{500}})
+      CHECK_FALSE(refusal(in_parts(image, packed.substr(0, length), part)).empty());
+  }
+  for (std::size_t at = 2; at < packed.size(); at += 211) {
+    CAPTURE(at);
+    std::string changed = packed;
+    changed[at] = static_cast<char>(changed[at] ^ 1 << at % 8);
+    CHECK_FALSE(refusal(in_parts(image, changed, 3000)).empty());
   }
 }
 
