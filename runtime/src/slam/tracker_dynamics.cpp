@@ -183,9 +183,8 @@ void Tracker::pose_without_movers(Present& now) {
     flag(frame, suspected, masks[0]);
     for (std::size_t i = 0; i < frame.dynamic.size(); ++i) masks[0][i] |= frame.dynamic[i];
   }
-  if (!on_a_match(frame, masks[0])) {  // the pose is what it was
+  if (cv::countNonZero(now.moving) == 0 && !on_a_match(frame, masks[0])) {  // the pose is what it was
     frame.dynamic = std::move(masks[0]);
-    cv::bitwise_or(now.result.dynamic_mask, now.moving, now.result.dynamic_mask);
     return;
   }
   look_for_turn(now);
