@@ -27,14 +27,6 @@ bool rests_on(const Frame& frame, const cv::Mat& mask, double share) {
   return static_cast<double>(on_it) > share * static_cast<double>(matches);
 }
 
-/// Whether a match is flagged.
-bool on_a_match(const Frame& frame, const std::vector<std::uint8_t>& flags) {
-  for (std::size_t i = 0; i < flags.size(); ++i) {
-    if (flags[i] != 0 && frame.point[i] >= 0) return true;
-  }
-  return false;
-}
-
 }  // namespace
 
 void Tracker::mask_a_priori(Present& now, const std::optional<Masks>& prior) const {
@@ -182,10 +174,6 @@ void Tracker::pose_without_movers(Present& now) {
     if (!standing_.empty()) suspected.setTo(0, standing_);
     flag(frame, suspected, masks[0]);
     for (std::size_t i = 0; i < frame.dynamic.size(); ++i) masks[0][i] |= frame.dynamic[i];
-  }
-  if (cv::countNonZero(now.moving) == 0 && !on_a_match(frame, masks[0])) {  // the pose is what it was
-    frame.dynamic = std::move(masks[0]);
-    return;
   }
   look_for_turn(now);
   const auto fused = masked_pose(
