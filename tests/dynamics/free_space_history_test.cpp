@@ -3,12 +3,17 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <vector>
 
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/geometry/rolling_shutter.hpp"
 #include "equidistant_camera.hpp"
 #include "moving_scene.hpp"
+#include "random.hpp"
 
 using namespace dynslam;
 
@@ -148,6 +153,55 @@ TEST_CASE("lags are times: at another frame rate other views are compared") {
   f.look(60);
   slow.check(f.grid, f.depth, f.smooth, SE3<double>(), f.verdicts);
   CHECK(f.verdicts.seed(19, 15) == 1);
+}
+
+TEST_CASE("a cell has the depth at its centre, or the nearest about it, and is smooth where five agree") {
+  test::Rng rng("reduce");
+  const DepthGridOptions options{.columns = 40};
+  for (const auto& size : {std::array{160, 120}, {157, 118}, {40, 30}}) {  // the last: a pixel per cell
+    const int width = size[0], height = size[1];
+    CAPTURE(width);
+    const DepthGrid grid(Pinhole<double>(200, 200, width / 2.0, height / 2.0), width, height, options);
+    Image<float> image(width, height), depth;
+    Image<std::uint8_t> smooth;
+    for (int v = 0; v < height; ++v) {
+      for (int u = 0; u < width; ++u) {
+        const double kind = rng.uniform(0, 1);
+        image(u, v) = kind < 0.2    ? std::nanf("")
+                      : kind < 0.3  ? 0.0F
+                      : kind < 0.35 ? -1.0F
+                                    : static_cast<float>(2 + rng.uniform(0, kind < 0.9 ? 0.02 : 1.0));
+      }
+    }
+    grid.reduce(image, depth, smooth);
+    int unknown = 0, nearest = 0, flat = 0;
+    for (std::size_t c = 0; c < grid.cells(); ++c) {
+      CAPTURE(c);
+      const RecordedPixel centre = grid.pixel_of(c);
+      std::vector<float> about;
+      for (const auto& [du, dv] : {std::array{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
+        const int u = centre.u + du * (grid.stride() / 2), v = centre.v + dv * (grid.stride() / 2);
+        if (centre.u < 0 || u < 0 || v < 0 || u >= width || v >= height) continue;
+        if (image(u, v) > 0) about.push_back(image(u, v));
+      }
+      const bool known = centre.u >= 0 && image(centre.u, centre.v) > 0;
+      if (about.empty()) {
+        ++unknown;
+        CHECK(std::isnan(depth.data()[c]));
+        CHECK(smooth.data()[c] == 0);
+        continue;
+      }
+      const auto [lo, hi] = std::minmax_element(about.begin(), about.end());
+      nearest += known ? 0 : 1;
+      CHECK(depth.data()[c] == (known ? image(centre.u, centre.v) : *lo));
+      const bool agrees = about.size() >= 4 && *hi - *lo < options.edge_base + options.edge_quad * *lo * *lo;
+      flat += agrees ? 1 : 0;
+      CHECK(smooth.data()[c] == (agrees ? 1 : 0));
+    }
+    CHECK(unknown > 0);
+    CHECK((nearest > 50 || grid.stride() == 1));
+    CHECK(flat > 50);
+  }
 }
 
 TEST_CASE_TEMPLATE("a grid knows its pixels and back, through any lens", S, float, double) {

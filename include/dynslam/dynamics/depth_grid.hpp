@@ -132,9 +132,9 @@ class DepthGrid {
         add(u, v + reach);
       }
       out.data()[c] = sample.depth();
-      const float lo = sample.lo;
-      smooth.data()[c] =
-          (sample.valid >= 4) & (sample.hi - lo < options_.edge_base + options_.edge_quad * lo * lo) ? 1 : 0;
+      const float rise = options_.edge_base + options_.edge_quad * sample.lo * sample.lo;
+      const bool flat = (sample.valid >= 4) & (sample.hi - sample.lo < rise);
+      smooth.data()[c] = flat ? 1 : 0;
     }
   }
 

@@ -140,7 +140,8 @@ cv::Mat wall() {
   std::mt19937 random(3);
   for (int v = 0; v < image.rows; ++v) {
     for (int u = 0; u < image.cols; ++u)
-      image.at<std::uint16_t>(v, u) = static_cast<std::uint16_t>(5000 + 20 * u + 7 * v + random() % 8);
+      image.at<std::uint16_t>(v, u) =
+          static_cast<std::uint16_t>(5000 + 20 * u + 7 * v + static_cast<int>(random() % 8));
   }
   return image;
 }
