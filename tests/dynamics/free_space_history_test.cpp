@@ -155,7 +155,8 @@ TEST_CASE("lags are times: at another frame rate other views are compared") {
   CHECK(f.verdicts.seed(19, 15) == 1);
 }
 
-TEST_CASE("a cell has the depth at its centre, or the nearest about it, and is smooth where five agree") {
+TEST_CASE(
+    "a cell has the depth at its centre, or the nearest about it, and is smooth where four of five agree") {
   test::Rng rng("reduce");
   const DepthGridOptions options{.columns = 40};
   for (const auto& size : {std::array{160, 120}, {157, 118}, {40, 30}}) {  // the last: a pixel per cell

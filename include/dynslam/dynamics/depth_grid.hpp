@@ -115,13 +115,7 @@ class DepthGrid {
     for (std::size_t c = 0; c < pixel_of_cell_.size(); ++c) {
       const auto [u, v] = pixel_of_cell_[c];
       Sample sample;
-      if (u >= reach && v >= reach && u + reach < w && v + reach < h) {
-        sample.centre(static_cast<float>(depth(u, v)));
-        sample.add(static_cast<float>(depth(u - reach, v)));
-        sample.add(static_cast<float>(depth(u + reach, v)));
-        sample.add(static_cast<float>(depth(u, v - reach)));
-        sample.add(static_cast<float>(depth(u, v + reach)));
-      } else if (u >= 0) {  // at the image's border
+      if (u >= 0) {
         const auto add = [&](int x, int y) {
           if (x >= 0 && y >= 0 && x < w && y < h) sample.add(static_cast<float>(depth(x, y)));
         };

@@ -217,20 +217,20 @@ class MotionSegmenter {
   void place_reference(const SE3<S>& T_c_w) { reference_.place(T_c_w); }
 
   /// Whether the surface at a pixel of the frame last segmented was seen in the same place long before.
-  [[nodiscard]] bool verified_static(float u, float v) const {
-    if (motion_.verified.width() == 0) return false;
-    const int c = grid_.cell_at(u, v);
-    return c >= 0 && motion_.verified.data()[c] != 0;
-  }
+  [[nodiscard]] bool verified_static(float u, float v) const { return at_pixel(motion_.verified, u, v) != 0; }
 
   /// The surface at a pixel of the frame last segmented, counted from 1; 0: none of a size worth telling.
-  [[nodiscard]] int surface(float u, float v) const {
-    if (outlines_.surface.width() == 0) return 0;
-    const int c = grid_.cell_at(u, v);
-    return c >= 0 ? outlines_.surface.data()[c] : 0;
-  }
+  [[nodiscard]] int surface(float u, float v) const { return at_pixel(outlines_.surface, u, v); }
 
  private:
+  /// What an image of cells has at a pixel; 0 where it has nothing.
+  template <class T>
+  [[nodiscard]] T at_pixel(const Image<T>& cells, float u, float v) const {
+    if (cells.width() == 0) return T(0);
+    const int c = grid_.cell_at(u, v);
+    return c >= 0 ? cells.data()[c] : T(0);
+  }
+
   /// A frame that was remembered is the last one from then on.
   template <class G>
   void look_at(const G& gray) {

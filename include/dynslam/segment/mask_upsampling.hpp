@@ -32,22 +32,9 @@ namespace detail {
 enum class Zone : std::uint8_t { outside, rim, inside };
 
 /// Where pixels must be looked at one by one: in the cells at the rim of a region.
-/// @return whether there is any
 template <LabelImage Cells>
-bool find_zones(const Cells& cells, ImageView<std::uint8_t> zone) {
+void find_zones(const Cells& cells, ImageView<std::uint8_t> zone) {
   const int w = cells.width(), h = cells.height();
-  bool found = false;
-  for (int j = 0; j < h; ++j) {
-    const auto row = image_row(cells, j);
-    std::uint8_t* out = zone.row(j);
-    bool in_row = false;
-    for (int i = 0; i < w; ++i) {
-      in_row |= row[i] != 0;
-      out[i] = static_cast<std::uint8_t>(Zone::outside);
-    }
-    found |= in_row;
-  }
-  if (!found) return false;
   for (int j = 0; j < h; ++j) {
     for (int i = 0; i < w; ++i) {
       bool any = false, all = true;
@@ -61,7 +48,17 @@ bool find_zones(const Cells& cells, ImageView<std::uint8_t> zone) {
       zone(i, j) = static_cast<std::uint8_t>(all ? Zone::inside : any ? Zone::rim : Zone::outside);
     }
   }
-  return true;
+}
+
+/// Whether a mask shows anything.
+template <LabelImage Mask>
+[[nodiscard]] bool shows_anything(const Mask& mask) {
+  bool any = false;
+  for (int v = 0; v < mask.height(); ++v) {
+    const auto row = image_row(mask, v);
+    for (int u = 0; u < mask.width(); ++u) any |= row[u] != 0;  // without a branch: several at once
+  }
+  return any;
 }
 
 /// Whether a pixel of depth z in cell (i, j) belongs to the mask: as the neighbouring cell whose depth is
@@ -102,8 +99,11 @@ void upsample_mask(const Cells& cells, const C& cell_depth, const D& depth, cons
       w == grid.width() && h == grid.height() && w == cell_depth.width() && h == cell_depth.height(),
       "cells and their depth have the grid's size");
   DYNSLAM_ASSERT(same_size(mask, depth), "the mask has the size of the depth image");
-  zone.resize(w, h);
-  const bool any = detail::find_zones(cells, zone.view());
+  const bool any = detail::shows_anything(cells);  // mostly nothing moves
+  if (any) {
+    zone.resize(w, h);
+    detail::find_zones(cells, zone.view());
+  }
   constexpr auto kOutside = static_cast<std::uint8_t>(detail::Zone::outside);
   constexpr auto kInside = static_cast<std::uint8_t>(detail::Zone::inside);
   const std::uint8_t* zones = zone.data();

@@ -8,7 +8,6 @@
 #include <libdeflate.h>
 #endif
 
-#include <algorithm>
 #include <array>
 #include <limits>
 #include <new>

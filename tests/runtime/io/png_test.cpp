@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -13,6 +14,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
+#include "io/png_decoder.hpp"
 
 // PNG files are made here byte by byte, with every filter, and compared with what OpenCV (libpng) reads.
 
@@ -77,24 +79,29 @@ constexpr std::array<Kind, 4> kKinds{{{"grey, 8 bits", 8, 0, 1, cv::IMREAD_UNCHA
 struct Made {
   std::string header, rows, extra;
   std::size_t part = 777;  // bytes in each chunk of data
-  [[nodiscard]] std::string file() const {
+  [[nodiscard]] std::string file() const { return file_of(zlib_stored(rows)); }
+  [[nodiscard]] std::string file_of(const std::string& packed) const {
     std::string out("\x89PNG\r\n\x1A\n", 8);
     out += chunk("IHDR", header) + extra;
-    const std::string packed = zlib_stored(rows);
     for (std::size_t at = 0; at < packed.size(); at += part) out += chunk("IDAT", packed.substr(at, part));
     return out + chunk("IEND", "");
   }
 };
 
+std::string header_of(const Kind& kind, unsigned width, unsigned height) {
+  std::string header;
+  append_number(header, width);
+  append_number(header, height);
+  header += static_cast<char>(kind.bits);
+  header += static_cast<char>(kind.type);
+  return header + std::string(3, '\0');
+}
+
 /// Random bytes: as the differences to a prediction they are as good as any. @param filter  of all rows; 5:
 /// any
 Made made(const Kind& kind, unsigned width, unsigned height, int filter) {
   Made png;
-  append_number(png.header, width);
-  append_number(png.header, height);
-  png.header += static_cast<char>(kind.bits);
-  png.header += static_cast<char>(kind.type);
-  png.header += std::string(3, '\0');
+  png.header = header_of(kind, width, height);
   std::mt19937 random(width * 31 + height * 7 + static_cast<unsigned>(filter));
   for (unsigned y = 0; y < height; ++y) {
     png.rows += static_cast<char>(filter < 5 ? filter : static_cast<int>(random() % 5));
@@ -112,26 +119,16 @@ std::string packed_rows(const cv::Mat& image, int level) {
   std::vector<std::uint8_t> file;
   cv::imencode(".png", image, file, {cv::IMWRITE_PNG_COMPRESSION, level});
   std::string packed;
-  for (std::size_t at = 8; at + 12 <= file.size();) {
-    const std::size_t length = std::size_t{file[at]} << 24 | std::size_t{file[at + 1]} << 16 |
-                               std::size_t{file[at + 2]} << 8 | file[at + 3];
-    if (std::string(file.begin() + static_cast<std::ptrdiff_t>(at) + 4,
-                    file.begin() + static_cast<std::ptrdiff_t>(at) + 8) == "IDAT")
-      packed.append(reinterpret_cast<const char*>(file.data()) + at + 8, length);
-    at += 12 + length;
-  }
+  for (const PngFile::Part& part : open_png(file, std::max(image.cols, image.rows)).data)
+    packed.append(reinterpret_cast<const char*>(file.data()) + part.at, part.length);
   return packed;
 }
 
 std::string in_parts(const cv::Mat& image, const std::string& packed, std::size_t part) {
   Made png;
-  append_number(png.header, static_cast<std::uint32_t>(image.cols));
-  append_number(png.header, static_cast<std::uint32_t>(image.rows));
-  png.header += std::string(1, '\x10') + std::string(4, '\0');
-  std::string out("\x89PNG\r\n\x1A\n", 8);
-  out += chunk("IHDR", png.header);
-  for (std::size_t at = 0; at < packed.size(); at += part) out += chunk("IDAT", packed.substr(at, part));
-  return out + chunk("IEND", "");
+  png.header = header_of(kKinds[1], static_cast<unsigned>(image.cols), static_cast<unsigned>(image.rows));
+  png.part = part;
+  return png.file_of(packed);
 }
 
 /// Depth of a slanted wall with noise, larger than the 32 KiB that a stream looks back.
