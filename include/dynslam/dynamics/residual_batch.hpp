@@ -78,13 +78,19 @@ struct ResidualBlock {
   template <class I, class U>
   static void find_cells(const I& image, const U& u, const U& v, Cells& cells) {
     const S w = S(image.width() - 2), h = S(image.height() - 2);
+    // A loop for each step: in one, the compiler takes branches for the bounds and no vectors.
+    Row x, y;
     for (int i = 0; i < N; ++i) {
-      const S x = u(i) > S(0) ? u(i) : S(0), y = v(i) > S(0) ? v(i) : S(0);  // NaN becomes 0
-      const S x1 = x < w ? x : w, y1 = y < h ? y : h;
-      const int column = static_cast<int>(x1), row = static_cast<int>(y1);
-      cells.column(i) = column;
-      cells.row(i) = row;
-      const S a = u(i) - static_cast<S>(column), b = v(i) - static_cast<S>(row);
+      const S x0 = u(i) > S(0) ? u(i) : S(0), y0 = v(i) > S(0) ? v(i) : S(0);  // NaN becomes 0
+      x(i) = x0 < w ? x0 : w;
+      y(i) = y0 < h ? y0 : h;
+    }
+    for (int i = 0; i < N; ++i) {
+      cells.column(i) = static_cast<int>(x(i));
+      cells.row(i) = static_cast<int>(y(i));
+    }
+    for (int i = 0; i < N; ++i) {
+      const S a = u(i) - static_cast<S>(cells.column(i)), b = v(i) - static_cast<S>(cells.row(i));
       cells.a(i) = a;
       cells.b(i) = b;
       // Inside both are in [0, 1].
@@ -242,6 +248,12 @@ void residual_batch(const Pinhole<S>& camera, const MatchRows<S>& matches, const
   for (; k + kBlock <= n; k += kBlock)
     detail::residual_block<S, kBlock>(camera, matches, k, reference_gray, gray, depth, T, scales, noise, nu,
                                       out);
+  // What is left is a block, too, where there is one: some are worked out twice.
+  if (k < n && n >= kBlock) {
+    detail::residual_block<S, kBlock>(camera, matches, n - kBlock, reference_gray, gray, depth, T, scales,
+                                      noise, nu, out);
+    k = n;
+  }
   for (; k < n; ++k)
     detail::residual_block<S, 1>(camera, matches, k, reference_gray, gray, depth, T, scales, noise, nu, out);
 }
