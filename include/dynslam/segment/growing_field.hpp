@@ -6,7 +6,6 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <type_traits>
 #include <vector>
 
@@ -324,25 +323,5 @@ class GrowingField {
   int width_, height_;
   std::size_t stride_;
 };
-
-/// Pixels of valid depth.
-template <class D>
-[[nodiscard]] std::size_t count_valid(const D& depth) {
-  using S = typename D::Pixel;
-  constexpr int kCount = DepthLanes<S>::kCount;
-  std::size_t valid = 0;
-  for (int v = 0; v < depth.height(); ++v) {
-    const auto z = image_row(depth, v);
-    int u = 0;
-    if constexpr (RowImage<D> && kCount > 1) {
-      const S* row = depth.row(v);
-      typename DepthLanes<S>::Mask sum{};
-      for (; u + kCount <= depth.width(); u += kCount) sum -= valid_lanes<S>(load_lanes(row + u));
-      for (int i = 0; i < kCount; ++i) valid += static_cast<std::size_t>(sum[i]);
-    }
-    for (; u < depth.width(); ++u) valid += is_valid_depth(z[u]) ? 1 : 0;
-  }
-  return valid;
-}
 
 }  // namespace dynslam::detail

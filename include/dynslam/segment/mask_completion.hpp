@@ -18,6 +18,7 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/image/image_row.hpp"
 #include "dynslam/segment/region_growing.hpp"
+#include "dynslam/segment/valid_depth_share.hpp"
 
 namespace dynslam {
 
@@ -39,7 +40,7 @@ template <DepthImage D, OutputLabelImage Mask, class Criterion, SurfaceShare Sha
 std::size_t complete_surfaces(const D& depth, Mask&& mask, const Criterion& criterion, const Share& share,
                               double limit, RegionGrowingWorkspace& ws) {
   DYNSLAM_ASSERT(same_size(depth, mask), "the mask has the size of the depth image");
-  const double largest = limit * static_cast<double>(detail::count_valid(depth));
+  ValidDepthShare valid(depth);
   const detail::NoBarrier nowhere;
   detail::GrowingField field(depth, nowhere, criterion, ws.words);
   std::size_t added = 0;
@@ -48,7 +49,7 @@ std::size_t complete_surfaces(const D& depth, Mask&& mask, const Criterion& crit
       if (mask(u, v) == 0 || !field.open(u, v)) continue;
       ws.runs.clear();
       const std::size_t size = field.template take_region<Connectivity::four>(u, v, ws.runs);
-      if (static_cast<double>(size) > largest) continue;
+      if (valid.exceeded_by(size, limit)) continue;
       std::size_t on = 0;
       for (const PixelRun& run : ws.runs) {
         const auto row = image_row(mask, run.v);

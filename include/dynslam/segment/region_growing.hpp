@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <span>
 #include <type_traits>
 #include <vector>
@@ -16,6 +15,7 @@
 #include "dynslam/segment/growing_criteria.hpp"
 #include "dynslam/segment/growing_field.hpp"
 #include "dynslam/segment/pixel_runs.hpp"
+#include "dynslam/segment/valid_depth_share.hpp"
 
 namespace dynslam {
 
@@ -67,11 +67,12 @@ struct RegionGrowingWorkspace {
 };
 
 namespace detail {
-/// Drops the largest regions until the rest has at most `limit` pixels. Of equal ones that with the first
-/// pixel row by row goes first, so the order of the seeds does not matter.
-inline void drop_excess(std::size_t limit, int width, RegionGrowingWorkspace& workspace,
-                        RegionGrowingResult& result) {
-  if (result.pixels <= limit) return;
+/// Drops the largest regions until the rest is at most this share of the valid depth. Of equal ones that with
+/// the first pixel row by row goes first, so the order of the seeds does not matter.
+template <class D>
+void drop_excess(ValidDepthShare<D>& valid, double share, int width, RegionGrowingWorkspace& workspace,
+                 RegionGrowingResult& result) {
+  if (!valid.exceeded_by(result.pixels, share)) return;
   auto& regions = workspace.regions;
   for (auto& region : regions) {
     const auto place = [&](const PixelRun& r) { return std::int64_t(r.v) * width + r.begin; };
@@ -83,7 +84,8 @@ inline void drop_excess(std::size_t limit, int width, RegionGrowingWorkspace& wo
     return a.size != b.size ? a.size > b.size : a.first < b.first;
   });
   std::size_t dropped = 0;
-  while (dropped < regions.size() && result.pixels > limit) result.pixels -= regions[dropped++].size;
+  while (dropped < regions.size() && valid.exceeded_by(result.pixels, share))
+    result.pixels -= regions[dropped++].size;
   regions.erase(regions.begin(), regions.begin() + static_cast<std::ptrdiff_t>(dropped));
   result.regions_excess = static_cast<int>(dropped);
   result.regions = static_cast<int>(regions.size());
@@ -121,14 +123,7 @@ RegionGrowingResult grow_regions(const D& depth, const Barrier& barrier, std::sp
                                  RegionGrowingWorkspace& workspace) {
   const int w = depth.width(), h = depth.height();
   GrowingField field(depth, barrier, criterion, workspace.words);
-  // What may be everything needs no count of what there is.
-  const bool limited = !(options.max_region_fraction >= 1 && options.max_total_fraction >= 1);
-  const std::size_t valid = limited ? count_valid(depth) : 0;
-  const auto share = [&](double fraction) {
-    if (fraction >= 1) return std::numeric_limits<std::size_t>::max();
-    return static_cast<std::size_t>(std::max(0.0, fraction) * static_cast<double>(valid));
-  };
-  const std::size_t limit = share(options.max_region_fraction);
+  ValidDepthShare valid(depth);
   const auto smallest = static_cast<std::size_t>(std::max(0, options.min_region_pixels));
   workspace.runs.clear();
   workspace.regions.clear();
@@ -140,16 +135,17 @@ RegionGrowingResult grow_regions(const D& depth, const Barrier& barrier, std::sp
         options.connectivity == Connectivity::eight
             ? field.template take_region<Connectivity::eight>(seed.u, seed.v, workspace.runs)
             : field.template take_region<Connectivity::four>(seed.u, seed.v, workspace.runs);
-    if (size <= limit && size >= smallest) {
+    const bool leaked = valid.exceeded_by(size, options.max_region_fraction);
+    if (!leaked && size >= smallest) {
       ++result.regions;
       result.pixels += size;
       workspace.regions.push_back({begin, workspace.runs.size() - begin, size, 0});
     } else {
-      ++(size > limit ? result.regions_leaked : result.regions_small);
+      ++(leaked ? result.regions_leaked : result.regions_small);
       workspace.runs.resize(begin);
     }
   }
-  drop_excess(share(options.max_total_fraction), w, workspace, result);
+  drop_excess(valid, options.max_total_fraction, w, workspace, result);
   write_regions(workspace, mask);
   return result;
 }
