@@ -91,7 +91,8 @@ void plain_queue(benchmark::State& state, Surface surface, const Step& step) {
 }
 
 /// @param plain  the same rule, for the queue that tells the right answer
-/// @param limit  share of the image beyond which a region is dropped; below 1 what is valid has to be counted
+/// @param limit  share of the image beyond which a region is dropped; below 1 what is valid is counted as
+/// far as that asks for
 template <class S, class Criterion, class Step>
 void grow(benchmark::State& state, Surface surface, const Criterion& criterion, const Step& plain,
           double limit = 1) {

@@ -245,15 +245,9 @@ void residual_batch(const Pinhole<S>& camera, const MatchRows<S>& matches, const
   T << T_cur_ref.rotation_matrix(), T_cur_ref.translation();
   constexpr int kBlock = 32;
   std::size_t k = 0;
-  for (; k + kBlock <= n; k += kBlock)
-    detail::residual_block<S, kBlock>(camera, matches, k, reference_gray, gray, depth, T, scales, noise, nu,
-                                      out);
-  // What is left is a block, too, where there is one: some are worked out twice.
-  if (k < n && n >= kBlock) {
-    detail::residual_block<S, kBlock>(camera, matches, n - kBlock, reference_gray, gray, depth, T, scales,
-                                      noise, nu, out);
-    k = n;
-  }
+  for (; k < n && n >= kBlock; k += kBlock)  // the last block may overlap the one before
+    detail::residual_block<S, kBlock>(camera, matches, std::min(k, n - kBlock), reference_gray, gray, depth,
+                                      T, scales, noise, nu, out);
   for (; k < n; ++k)
     detail::residual_block<S, 1>(camera, matches, k, reference_gray, gray, depth, T, scales, noise, nu, out);
 }
