@@ -3,15 +3,13 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
-#include <fstream>
-#include <iomanip>
 #include <string>
 #include <vector>
 
 #include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/saved_map.hpp"
-#include "dynslam/runtime/io/tum_reader.hpp"
 #include "office.hpp"
+#include "replayed_sequence.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
@@ -19,22 +17,6 @@ namespace fs = std::filesystem;
 using test::kNeverStop, test::office;
 
 namespace {
-
-/// The office's 40 frames played back and forth, as links; stamps go on.
-void replay_office(const fs::path& folder, int frames) {
-  const Sequence once = load_sequence(office().sequence);
-  const int n = static_cast<int>(once.frames.size());
-  for (const char* name : {"rgb", "depth", "camera.txt"})
-    fs::create_symlink(office().sequence / name, folder / name);
-  std::ofstream rgb(folder / "rgb.txt"), depth(folder / "depth.txt");
-  for (int k = 0; k < frames; ++k) {
-    const int i = k % (2 * n - 2);
-    const FrameRecord& record = once.frames[static_cast<std::size_t>(i < n ? i : 2 * n - 2 - i)];
-    const double t = 1 + k / 30.0;
-    rgb << std::fixed << std::setprecision(6) << t << ' ' << record.rgb.string() << '\n';
-    depth << std::fixed << std::setprecision(6) << t << ' ' << record.depth.string() << '\n';
-  }
-}
 
 struct Extent {
   int keyframes, points;
@@ -66,7 +48,7 @@ Extent extent(const fs::path& map) {
 
 TEST_CASE("up and down the same way: keyframes, points and the saved files stop growing") {
   const test::TemporaryFolder folder;
-  replay_office(folder.path, 480);
+  test::replay(office().sequence, folder.path, 480);
   std::vector<Extent> after;
   for (const std::size_t frames : {std::size_t(160), std::size_t(480)}) {
     RunOptions o = office().options("unused", frames, {}, folder.path / "map");

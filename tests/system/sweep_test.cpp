@@ -17,6 +17,7 @@
 #include "error_text.hpp"
 #include "office.hpp"
 #include "program.hpp"
+#include "replayed_sequence.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
@@ -181,17 +182,23 @@ TEST_CASE("a job that fails is told, does not stop the others, and is run again"
 
 TEST_CASE("a sweep that is interrupted ends its runs and goes on later") {
   const SmallSweep small;
-  small.write("features = 3000\n");
+  // Long enough that the first run does not end before the signal reaches it on a busy machine.
+  const fs::path long_one = small.folder.path / "long";
+  fs::create_directory(long_one);
+  test::replay(office().sequence, long_one, 240);
+  test::write_file(
+      small.file,
+      "sequences = [\"long\"]\nmodes = [\"none\", \"geometric\"]\n[options]\nmap = false\nfeatures = 3000\n");
   const std::string command = std::string(DYNSLAM_PROGRAM) + " sweep " + small.file.string();
   const std::string log = (small.folder.path / "log").string();
   const ProgramResult r = shell("( exec " + command + " > " + log + " 2>&1 ) & p=$!; while [ ! -s " +
-                                (small.out / "office/none/log").string() + " ] && [ ! -e " +
-                                (small.out / "office/none/summary.json").string() +
+                                (small.out / "long/none/log").string() + " ] && [ ! -e " +
+                                (small.out / "long/none/summary.json").string() +
                                 " ]; do sleep 0.02; done; kill -TERM $p; wait $p; echo code $?");
   CHECK(r.out.find("code 130") != std::string::npos);
   CHECK(test::bytes(log).find("interrupted; the same command goes on") != std::string::npos);
-  CHECK_FALSE(fs::exists(small.out / "office" / "geometric"));
-  CHECK(nlohmann::json::parse(test::bytes(small.out / "office/none/job.json"))["exit_code"] == 130);
+  CHECK_FALSE(fs::exists(small.out / "long" / "geometric"));
+  CHECK(nlohmann::json::parse(test::bytes(small.out / "long/none/job.json"))["exit_code"] == 130);
   CHECK(small.sweep("--jobs 2").code == 0);
 }
 
