@@ -72,6 +72,9 @@ void list(FieldList& f, PoseSearchOptions& o) {
   f("min_inliers", o.min_inliers, "", "inliers that it takes to accept a pose", from(4));
   f("weak_inliers", o.weak_inliers, "",
     "inliers among the last frame's points that make a start, which the local map has to prove", from(4));
+  f("sure_inliers", o.sure_inliers, "",
+    "inliers among them with fewer of which the local map is matched again from the pose that it gave",
+    kCount);
   f("coasting_frames", o.coasting_frames, "frames",
     "lost for fewer frames, the camera is first looked for where its motion leads", kCount);
   f("near_radius", o.near_radius, "px",

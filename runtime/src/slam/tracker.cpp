@@ -164,23 +164,46 @@ void Tracker::start_map(Present& now) {
 }
 
 bool Tracker::locate(Present& now) {
-  const int wanted = find_initial_pose(now);
-  now.done(Stage::initial_pose);
-  if (wanted > 0 && prove_on_local_map(now, wanted)) return true;
-  return !now.plain && align_with_last(now, options_.search.min_inliers);
+  return locate_by_features(now) || (!now.plain && align_with_last(now, options_.search.min_inliers));
 }
 
-int Tracker::find_initial_pose(Present& now) {
+bool Tracker::locate_by_features(Present& now) {
   const PoseSearchOptions& o = options_.search;
-  if (lost_frames_ >= o.coasting_frames) return 0;
+  if (lost_frames_ >= o.coasting_frames) return false;
   const SE3<double> predicted = SE3<double>::exp(velocity_.log() * (lost_frames_ + 1)) * last_.T_c_w;
-  int wanted = 0;
+  // From a poor start the local map's points may be matched to a pose that is centimetres off, and still be
+  // many. A second look from there finds those that it missed, and of two such starts the better is taken.
+  std::optional<Attempt> best;
   for (const float radius : {o.near_radius, o.far_radius}) {
     if (!try_initial_pose(now, predicted, radius)) continue;
-    if (now.result.inliers >= o.min_inliers) return o.min_inliers;
-    wanted = 2 * o.min_inliers;  // a weak start needs what a place needs, too
+    const bool poor = now.result.inliers < o.sure_inliers, weak = now.result.inliers < o.min_inliers;
+    if (!weak) now.done(Stage::initial_pose);
+    const Attempt start = weak ? attempt(now) : Attempt();
+    const int wanted = weak ? 2 * o.min_inliers : o.min_inliers;  // what a place needs, too
+    const bool proven = prove_on_local_map(now, wanted) && (!poor || prove_on_local_map(now, wanted));
+    if (!weak) {
+      if (proven) measure_rows(now);
+      return proven;
+    }
+    if (proven && (!best || now.result.inliers > best->result.inliers)) best = attempt(now);
+    take_back(now, start);
   }
-  return wanted;
+  now.done(Stage::initial_pose);
+  if (best) take_back(now, *best);
+  return best.has_value();
+}
+
+Tracker::Attempt Tracker::attempt(const Present& now) const {
+  return {now.frame, now.result, now.T_c_w, now.turn, matcher_.placer().rolling_shutter()};
+}
+
+void Tracker::take_back(Present& now, const Attempt& earlier) {
+  now.frame = earlier.frame;
+  now.result = earlier.result;
+  now.T_c_w = earlier.T_c_w;
+  now.turn = earlier.turn;
+  matcher_.placer().set_depth_motion(depth_motion(now.input, now.T_c_w * last_.T_c_w.inverse()));
+  matcher_.placer().set_rolling_shutter(earlier.shutter);
 }
 
 bool Tracker::try_initial_pose(Present& now, const SE3<double>& predicted, float radius) {
@@ -217,10 +240,14 @@ bool Tracker::align_with_last(Present& now, int wanted) {
     now.aligned = last_view_.align(now.image->pyramid, camera_.model, predicted);
   }
   if (!now.aligned->ok()) return false;
+  const SE3<double> T_c_w = now.aligned->T_image_reference * last_.T_c_w;
+  if (!reachable(T_c_w, now.frame.t)) return false;  // a mover fills the view
   now.plain = false;  // from a good start what moves can be told from what stands
   matcher_.clear(now.frame);
-  now.T_c_w = now.aligned->T_image_reference * last_.T_c_w;
-  return prove_on_local_map(now, wanted);
+  now.T_c_w = T_c_w;
+  if (!prove_on_local_map(now, wanted)) return false;
+  measure_rows(now);
+  return true;
 }
 
 bool Tracker::prove_on_local_map(Present& now, int wanted) {
@@ -240,10 +267,6 @@ bool Tracker::prove_on_local_map(Present& now, int wanted) {
   now.result.covariance = pose.covariance;
   if (pose.inliers < wanted) return false;
   take_turn(now, pose.turn);
-  if (const auto since_last = interval(now.input); readout_ && since_last && now.left_out.empty()) {
-    pose_.measure_readout(now.frame, now.T_c_w, speed(now.T_c_w * last_.T_c_w.inverse(), *since_last),
-                          camera_.height, *readout_);
-  }
   return true;
 }
 

@@ -73,11 +73,7 @@ void Tracker::look_behind(Present& now) {
   const auto behind = last_view_.align_behind(now.image->pyramid, now.depth, foreground, camera_.model,
                                               now.T_c_w * last_.T_c_w.inverse());
   if (!behind.ok()) return;
-  const Frame frame = now.frame;
-  const TrackResult result = now.result;
-  const SE3<double> T_c_w = now.T_c_w;
-  const Eigen::Vector3d turn = now.turn;
-  const auto shutter = matcher_.placer().rolling_shutter();
+  const Attempt before = attempt(now);
   matcher_.clear(now.frame);
   std::vector<std::uint8_t> flags = now.frame.dynamic;
   now.left_out = widened(foreground, options_.feature_margin);
@@ -86,7 +82,8 @@ void Tracker::look_behind(Present& now) {
   now.left_out.release();
   pose_.gather(map_, now.frame);
   const double chi2 = options_.search.local_chi2;
-  if (proven && pose_.mean_chi2(T_c_w, chi2) > options_.search.behind * pose_.mean_chi2(now.T_c_w, chi2)) {
+  if (proven &&
+      pose_.mean_chi2(before.T_c_w, chi2) > options_.search.behind * pose_.mean_chi2(now.T_c_w, chi2)) {
     flags.resize(now.frame.features.size(), 0);
     for (std::size_t i = 0; i < flags.size(); ++i) {
       if (now.frame.dynamic[i] != flags[i]) now.frame.point[i] = -1;
@@ -94,12 +91,7 @@ void Tracker::look_behind(Present& now) {
     now.frame.dynamic = std::move(flags);
     return;
   }
-  now.frame = frame;
-  now.result = result;
-  now.T_c_w = T_c_w;
-  now.turn = turn;
-  matcher_.placer().set_depth_motion(depth_motion(now.input, T_c_w * last_.T_c_w.inverse()));
-  matcher_.placer().set_rolling_shutter(shutter);
+  take_back(now, before);
 }
 
 void Tracker::find_movers(Present& now) {

@@ -76,6 +76,14 @@ void Tracker::take_turn(Present& now, const Eigen::Vector3d& turn) {
   place_features(now);
 }
 
+/// Asks the frame whose pose was found last how long its rows take.
+void Tracker::measure_rows(const Present& now) {
+  const auto since_last = interval(now.input);
+  if (!readout_ || !since_last) return;
+  pose_.measure_readout(now.frame, now.T_c_w, speed(now.T_c_w * last_.T_c_w.inverse(), *since_last),
+                        camera_.height, *readout_);
+}
+
 bool Tracker::reachable(const SE3<double>& T_c_w, double t) const {
   if (last_.features.empty()) return true;  // a map was loaded: the camera may be anywhere in it
   const SE3<double> step = T_c_w * last_.T_c_w.inverse();

@@ -49,6 +49,15 @@ struct Tracker::Present {
   }
 };
 
+/// A pose of the frame at hand, and what was matched for it.
+struct Tracker::Attempt {
+  Frame frame;
+  TrackResult result;
+  SE3<double> T_c_w;
+  Eigen::Vector3d turn;
+  RollingShutter<double> shutter;
+};
+
 /// A mask with `margin` pixels added around what it shows.
 inline cv::Mat widened(const cv::Mat& mask, int margin) {
   const int size = 2 * margin + 1;

@@ -69,6 +69,7 @@ class Tracker {
 
  private:
   struct Present;  // the frame at hand
+  struct Attempt;  // a pose of it, and what was matched for that
 
   // One frame, in the order of work.
   void extract(Present& now);
@@ -78,10 +79,11 @@ class Tracker {
   bool locate(Present& now);
   void look_behind(Present& now);
   bool begin_again(const Present& now);
-  /// Finds the pose from the last frame's points. @return inliers of the local map that prove it; 0: not
-  /// found
-  int find_initial_pose(Present& now);
+  /// Finds the pose from the last frame's points, and proves it on the local map's.
+  bool locate_by_features(Present& now);
   bool try_initial_pose(Present& now, const SE3<double>& predicted, float radius);
+  [[nodiscard]] Attempt attempt(const Present& now) const;
+  void take_back(Present& now, const Attempt& earlier);
   /// Finds the pose by the last frame's grey values, where its points do not tell it.
   /// @return whether `wanted` points of the local map fit it
   bool align_with_last(Present& now, int wanted);
@@ -91,6 +93,7 @@ class Tracker {
   void place_features(Present& now) const;
   void look_for_turn(const Present& now);
   void take_turn(Present& now, const Eigen::Vector3d& turn);
+  void measure_rows(const Present& now);
   /// Matches the local map's points. @return whether `wanted` of them fit one pose
   bool prove_on_local_map(Present& now, int wanted);
   bool relocalise(Present& now);

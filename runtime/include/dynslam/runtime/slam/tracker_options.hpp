@@ -26,6 +26,7 @@ namespace dynslam::runtime {
 struct PoseSearchOptions {
   int min_inliers = 25;     ///< fewer: the pose is not accepted
   int weak_inliers = 8;     ///< of the last frame's points: a start whose proof is the local map
+  int sure_inliers = 50;    ///< of them: with fewer the local map is matched again from the pose it gave
   int coasting_frames = 3;  ///< lost for fewer: the motion that was is tried before the places
   float near_radius = 12.0F,
         far_radius = 30.0F;  ///< of the search for the last frame's points [px of their level]
