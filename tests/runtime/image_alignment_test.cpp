@@ -48,8 +48,9 @@ TEST_CASE("a turning camera is not lost when a board comes to hide most of a blu
   const CameraConfig camera = load_camera(sequence.camera_hint);
   const auto truth = read_trajectory(folder.path / "sequence" / "groundtruth.txt");
   // Frames that were lost, and how far the others are off at most [m].
-  const auto run = [&](bool alignment) {
+  const auto run = [&](bool alignment, double max_turn) {
     TrackerOptions options;
+    options.search.max_turn = max_turn;
     options.dynamics = DynamicsMode::geometric;
     options.additions = additions(options.method, options.dynamics);
     options.additions->image_alignment = alignment;
@@ -69,8 +70,10 @@ TEST_CASE("a turning camera is not lost when a board comes to hide most of a blu
     return std::pair(lost, worst);
   };
   constexpr int kHidden = (kFrames - kClear + kStep - 1) / kStep;
-  CHECK(run(false).first == kHidden);
-  const auto [lost, worst] = run(true);
+  const double hand = PoseSearchOptions().max_turn;
+  CHECK(run(false, hand).first == kHidden);
+  CHECK(run(true, 0.05).first == kHidden);  // a turn that this camera cannot make is the board's
+  const auto [lost, worst] = run(true, hand);
   CHECK(lost == 0);
   CHECK(worst < 0.05);
 }
