@@ -172,15 +172,16 @@ bool Tracker::locate_by_features(Present& now) {
   if (lost_frames_ >= o.coasting_frames) return false;
   const SE3<double> predicted = SE3<double>::exp(velocity_.log() * (lost_frames_ + 1)) * last_.T_c_w;
   // From a poor start the local map's points may be matched to a pose that is centimetres off, and still be
-  // many. A second look from there finds those that it missed, and of two such starts the better is taken.
+  // many. A second look from there finds those that it missed, and tells. The better of two weak starts is
+  // taken.
   std::optional<Attempt> best;
   for (const float radius : {o.near_radius, o.far_radius}) {
     if (!try_initial_pose(now, predicted, radius)) continue;
-    const bool poor = now.result.inliers < o.sure_inliers, weak = now.result.inliers < o.min_inliers;
+    const bool weak = now.result.inliers < o.min_inliers, poor = weak || now.result.inliers < o.sure_inliers;
     if (!weak) now.done(Stage::initial_pose);
     const Attempt start = weak ? attempt(now) : Attempt();
-    const int wanted = weak ? 2 * o.min_inliers : o.min_inliers;  // what a place needs, too
-    const bool proven = prove_on_local_map(now, wanted) && (!poor || prove_on_local_map(now, wanted));
+    const int wanted = weak ? 2 * o.min_inliers : o.min_inliers;  // as a place
+    const bool proven = prove_on_local_map(now, o.min_inliers) && (!poor || prove_on_local_map(now, wanted));
     if (!weak) {
       if (proven) measure_rows(now);
       return proven;
