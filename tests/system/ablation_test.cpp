@@ -92,7 +92,7 @@ TEST_CASE("the paper's method takes none of the additions, and none is the same 
   CHECK_FALSE(additions(Method::full, DynamicsMode::none).surface_weights);
   CHECK(additions(Method::full, DynamicsMode::semantic).surface_weights);
   CHECK_FALSE(additions(Method::full, DynamicsMode::semantic).strict_local_map);
-  CHECK(additions(Method::full, DynamicsMode::both).proven_points);
+  CHECK(additions(Method::full, DynamicsMode::both).strict_local_map);
 }
 
 TEST_CASE("a carried board with most of the corners in view is not taken for the scene by geometry") {

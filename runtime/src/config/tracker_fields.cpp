@@ -14,10 +14,11 @@ void list(FieldList& f, TrackerOptions& o) {
     "additions to the paper's tracking beside the masks, a list of surface_weights (features count by the "
     "surface that they stand for), motion_prior (the predicted motion counts in the consensus), "
     "strict_local_map (matches of the local map that are far off never enter the optimisation), "
-    "proven_points (points are made on surfaces that have stayed; needs geometric masks), "
+    "proven_points (points are made on surfaces alone that have stayed; needs geometric masks; in no mode's "
+    "\"auto\"), "
     "second_look (where the map in view does not tell the pose, the last frame enters it whole), "
-    "image_alignment (where too few features lead from the last frame, its grey values do); \"auto\": by "
-    "method and mode");
+    "image_alignment (where few features lead from the last frame, its grey values are another start); "
+    "\"auto\": by method and mode");
   f.table("features", o.features);
   f.table("depth_noise", o.depth_noise);
   f("initial_features", o.initial_features, "", "features with depth that it takes to start a map", from(1));

@@ -21,6 +21,9 @@ ReadoutTrial try_readout(const Sequence& sequence, CameraConfig camera, double a
   camera.readout_time = assumed;
   TrackerOptions options;
   options.dynamics = DynamicsMode::geometric;
+  // A point of a surface just come into view stands where the assumed time puts it, and speaks for that.
+  options.additions = additions(options.method, options.dynamics);
+  options.additions->proven_points = true;
   Tracker tracker(camera, options);
   tracker.measure_readout();
   ReadoutTrial trial;

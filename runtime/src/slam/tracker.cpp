@@ -81,11 +81,11 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   began_at_rest_ = false;
   if (!located) {
     now.plain = true;  // what keeps movers out must not lose the camera: without it, at last
-    now.result.state = relocalise(now)                                      ? TrackingState::relocalised
-                       : locate(now)                                        ? TrackingState::tracked
-                       : (look_again() && locate(now))                      ? TrackingState::tracked
-                       : align_with_last(now, options_.search.weak_inliers) ? TrackingState::tracked
-                                                                            : TrackingState::lost;
+    now.result.state = relocalise(now)                                          ? TrackingState::relocalised
+                       : locate(now)                                            ? TrackingState::tracked
+                       : (look_again() && locate(now))                          ? TrackingState::tracked
+                       : locate_by_alignment(now, options_.search.weak_inliers) ? TrackingState::tracked
+                                                                                : TrackingState::lost;
   }
   now.done(Stage::local_map);
   if (now.result.state == TrackingState::lost) {
@@ -164,7 +164,7 @@ void Tracker::start_map(Present& now) {
 }
 
 bool Tracker::locate(Present& now) {
-  return locate_by_features(now) || (!now.plain && align_with_last(now, options_.search.min_inliers));
+  return locate_by_features(now) || (!now.plain && locate_by_alignment(now, options_.search.min_inliers));
 }
 
 bool Tracker::locate_by_features(Present& now) {
@@ -172,8 +172,8 @@ bool Tracker::locate_by_features(Present& now) {
   if (lost_frames_ >= o.coasting_frames) return false;
   const SE3<double> predicted = SE3<double>::exp(velocity_.log() * (lost_frames_ + 1)) * last_.T_c_w;
   // From a poor start the local map's points may be matched to a pose that is centimetres off, and still be
-  // many. A second look from there finds those that it missed, and tells. The better of two weak starts is
-  // taken.
+  // many. A second look from there finds those that it missed, and tells. The best of the weak starts is
+  // taken, the one by the last frame's grey values among them.
   std::optional<Attempt> best;
   for (const float radius : {o.near_radius, o.far_radius}) {
     if (!try_initial_pose(now, predicted, radius)) continue;
@@ -190,8 +190,14 @@ bool Tracker::locate_by_features(Present& now) {
     take_back(now, start);
   }
   now.done(Stage::initial_pose);
-  if (best) take_back(now, *best);
-  return best.has_value();
+  if (!best) return false;
+  if (!now.plain && align_with_last(now) && prove_on_local_map(now, o.min_inliers) &&
+      prove_on_local_map(now, 2 * o.min_inliers) && now.result.inliers > best->result.inliers) {
+    measure_rows(now);
+    return true;
+  }
+  take_back(now, *best);
+  return true;
 }
 
 Tracker::Attempt Tracker::attempt(const Present& now) const {
@@ -233,7 +239,7 @@ bool Tracker::try_initial_pose(Present& now, const SE3<double>& predicted, float
   return true;
 }
 
-bool Tracker::align_with_last(Present& now, int wanted) {
+bool Tracker::align_with_last(Present& now) {
   if (!additions_.image_alignment || last_view_.empty() || lost_frames_ >= options_.search.coasting_frames)
     return false;
   if (!now.aligned) {
@@ -246,7 +252,11 @@ bool Tracker::align_with_last(Present& now, int wanted) {
   now.plain = false;  // from a good start what moves can be told from what stands
   matcher_.clear(now.frame);
   now.T_c_w = T_c_w;
-  if (!prove_on_local_map(now, wanted)) return false;
+  return true;
+}
+
+bool Tracker::locate_by_alignment(Present& now, int wanted) {
+  if (!align_with_last(now) || !prove_on_local_map(now, wanted)) return false;
   measure_rows(now);
   return true;
 }

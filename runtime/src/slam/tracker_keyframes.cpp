@@ -54,7 +54,9 @@ void Tracker::insert_keyframe(Present& now) {
   Frame& frame = now.frame;
   if (initialised_) {
     points_.trust_all(frame);
-    if (additions_.proven_points && uses_geometry(options_.dynamics))
+    // Where a mask was rejected a mover may be on what it covered.
+    const bool doubtful = options_.method == Method::full && now.result.mask_rejected != MaskVerdict::kept;
+    if ((additions_.proven_points || doubtful) && uses_geometry(options_.dynamics))
       points_.trust(frame, [&](float u, float v) { return geometry_.verified_static(u, v); });
     last_keyframe_tracked_ = points_.make(map_, now.image->pyramid, frame);
   } else {

@@ -37,17 +37,18 @@ struct Additions {
   bool surface_weights = true;   ///< features count by the surface that they stand for (surface_weights())
   bool motion_prior = true;      ///< the predicted motion counts in the consensus, too
   bool strict_local_map = true;  ///< matches of the local map that are far off never enter the optimisation
-  bool proven_points =
-      true;  ///< points are made on surfaces that are known to have stayed; needs geometric masks
+  bool proven_points = false;    ///< points only on surfaces known to have stayed; needs geometric masks
   bool second_look = true;  ///< where the map in view does not tell the pose, the last frame enters it whole
-  bool image_alignment = true;  ///< where too few features lead from the last frame here, its grey values do
+  bool image_alignment = true;  ///< where few features lead from the last frame, its grey values are a start
 };
 
 /// What a run of a method and mode takes: nothing with the paper's, and with `none`, which is the baseline.
+/// `proven_points` is taken by no mode of itself: with twenty keyframes adjusted together the points that it
+/// leaves out are worth more than the few movers among them (docs/method.md).
 [[nodiscard]] constexpr Additions additions(Method method, DynamicsMode mode) {
   const bool full = method == Method::full, geometry = full && uses_geometry(mode);
   const bool masked = full && mode != DynamicsMode::none;
-  return {masked, masked, geometry, geometry, masked, masked};
+  return {masked, masked, geometry, false, masked, masked};
 }
 
 }  // namespace dynslam::runtime

@@ -84,9 +84,11 @@ class Tracker {
   bool try_initial_pose(Present& now, const SE3<double>& predicted, float radius);
   [[nodiscard]] Attempt attempt(const Present& now) const;
   void take_back(Present& now, const Attempt& earlier);
-  /// Finds the pose by the last frame's grey values, where its points do not tell it.
-  /// @return whether `wanted` points of the local map fit it
-  bool align_with_last(Present& now, int wanted);
+  /// Finds a pose by the last frame's grey values, as a start where its points do not tell. @return whether
+  /// it did
+  bool align_with_last(Present& now);
+  /// Finds the pose from there. @return whether `wanted` points of the local map fit it
+  bool locate_by_alignment(Present& now, int wanted);
   /// Tells the placer how the camera moves while the images are taken. @param T_c_last  since the last frame
   void set_motion(const Present& now, const SE3<double>& T_c_last);
   void place_again(Present& now);
