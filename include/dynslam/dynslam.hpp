@@ -51,6 +51,7 @@
 #include "dynslam/geometry/minimal_models.hpp"
 #include "dynslam/geometry/normalised_matches.hpp"
 #include "dynslam/geometry/pinhole.hpp"
+#include "dynslam/geometry/pose_curve.hpp"
 #include "dynslam/geometry/rigid_alignment.hpp"
 #include "dynslam/geometry/rolling_camera.hpp"
 #include "dynslam/geometry/rolling_shutter.hpp"
