@@ -98,6 +98,14 @@ void list(FieldList& f, PoseSearchOptions& o) {
     "how well the motion between frames tells the camera's turn while it reads its rows; 0: it is taken for "
     "it",
     kNotNegative);
+  f("recovered_frames", o.recovered_frames, "frames",
+    "a loss of so many at most is gone through once more when the camera is known on both sides of it; 0: "
+    "never",
+    between(0, 1000));
+  f("recovered_speed", o.recovered_speed, "m/s, rad/s",
+    "how far beside where the motion on both sides leads such a pose may be, by the time to the nearest one "
+    "that is known",
+    kPositive);
   f("longest_delay", o.longest_delay, "s",
     "longest delay of a depth image over which the velocity is trusted", kNotNegative);
   f("young_frames", o.young_frames, "frames",

@@ -56,6 +56,8 @@ Tracker::Tracker(const CameraConfig& camera, const TrackerOptions& options)
       verifier_(camera.model.pinhole(), camera.model, options.depth_noise, options.relocalisation),
       loops_(camera.model.pinhole(), camera.model, options.depth_noise, options.loops) {}
 
+Tracker::~Tracker() = default;
+
 TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& prior) {
   check_input(input, prior, camera_, last_t_);
   last_t_ = input.t;
@@ -89,6 +91,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   }
   now.done(Stage::local_map);
   if (now.result.state == TrackingState::lost) {
+    remember_lost(now);
     ++lost_frames_;
     last_moving_.release();
     resting_.release();  // where somebody sat is known only as long as the camera's place is
@@ -111,6 +114,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.result.T_w_c = now.frame.T_c_w.inverse();
   now.result.reference = map_.newest();
   now.result.T_c_reference = now.frame.T_c_w * map_.pose(map_.newest()).inverse();
+  recover(now);
   remember_last(now);
   // At last: what is remembered is the depth image's.
   if (!now.covering.empty()) now.result.dynamic_mask |= now.covering;

@@ -58,6 +58,16 @@ struct Tracker::Attempt {
   RollingShutter<double> shutter;
 };
 
+/// A frame that was lost.
+struct Tracker::Lost {
+  double t, depth_delay;
+  std::int64_t ns;
+  cv::Mat depth;                               // a copy
+  std::shared_ptr<const ImageFeatures> image;  // with an image of its own
+  Frame frame;                                 // with its extracted features alone
+  std::optional<PoseResult<double>> pose;      // what was found since
+};
+
 /// A mask with `margin` pixels added around what it shows.
 inline cv::Mat widened(const cv::Mat& mask, int margin) {
   const int size = 2 * margin + 1;

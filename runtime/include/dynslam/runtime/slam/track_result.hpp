@@ -4,9 +4,11 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string_view>
+#include <vector>
 
 #include "dynslam/dynamics/mask_arbitration.hpp"
 #include "dynslam/geometry/se3.hpp"
@@ -50,6 +52,16 @@ struct SeparatePose {
   SE3<double> T_w_c;  ///< in a world of its own
 };
 
+/// A frame that was lost when it came, and has a pose since the camera is known again.
+struct RecoveredPose {
+  double t = 0;         ///< its time [s]
+  std::int64_t ns = 0;  ///< RgbdFrame::ns
+  int reference = 0;    ///< as TrackResult has these
+  SE3<double> T_c_reference;
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  int inliers = 0;
+};
+
 /// What tracking a frame gave.
 struct TrackResult {
   TrackingState state = TrackingState::not_initialised;
@@ -67,6 +79,7 @@ struct TrackResult {
   MaskVerdict mask_rejected = MaskVerdict::kept;  ///< why the pose was not found by the mask, if it was not
   int matches = 0, inliers = 0;
   std::optional<SeparatePose> separate;  ///< of a lost frame that another map has; see NewMapOptions
+  std::vector<RecoveredPose> recovered;  ///< of the loss that this frame ends, in their order
   cv::Mat dynamic_mask;                  ///< CV_8UC1, 255 = dynamic; always of image size
   StageTimes times{};
 };

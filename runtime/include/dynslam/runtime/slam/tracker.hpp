@@ -4,10 +4,12 @@
 #include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <span>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
+#include "dynslam/geometry/pose_curve.hpp"
 #include "dynslam/map/local_matcher.hpp"
 #include "dynslam/map/masked_pose.hpp"
 #include "dynslam/map/matched_pose.hpp"
@@ -30,6 +32,7 @@ namespace dynslam::runtime {
 class Tracker {
  public:
   Tracker(const CameraConfig& camera, const TrackerOptions& options);
+  ~Tracker();
   Tracker(const Tracker&) = delete;
   Tracker& operator=(const Tracker&) = delete;
 
@@ -70,6 +73,7 @@ class Tracker {
  private:
   struct Present;  // the frame at hand
   struct Attempt;  // a pose of it, and what was matched for that
+  struct Lost;     // a frame that has no pose yet
 
   // One frame, in the order of work.
   void extract(Present& now);
@@ -105,6 +109,12 @@ class Tracker {
   void pose_without_movers(Present& now);
   void doubt_recent_movers(Present& now);
   void accept(Present& now);
+  /// Keeps a frame that was lost, for recover().
+  void remember_lost(Present& now);
+  /// Goes once more through the loss that the frame at hand ends: the camera is known on both sides of it.
+  void recover(Present& now);
+  /// Looks for a frame that was lost on the local map. @param around  poses that are known near it
+  void locate_again(Lost& lost, std::span<const TimedPose<double>> around);
   /// Makes the frame at hand a keyframe, or notes that one shows the same.
   void keep(Present& now);
   void insert_keyframe(Present& now);
@@ -166,6 +176,9 @@ class Tracker {
   std::size_t first_ = 0;       // index of the frame that began the map
   bool began_at_rest_ = false;  // the last frame began the map, by a camera whose motion nobody knew
   int lost_frames_ = 0;
+  std::vector<Lost> lost_;     // since then, unless they are too many
+  SE3<double> lost_velocity_;  // velocity_ and its interval before
+  double lost_interval_ = 0;
   std::size_t frames_ = 0;            // tracked or lost so far
   std::optional<double> last_t_;      // of the frame before [s]
   int reference_id_ = 0;              // keyframe beside which the geometry's reference stands

@@ -46,6 +46,12 @@ struct PoseSearchOptions {
   /// that goes with a board, 0.16 at most of one that does not.
   double foreground_share = 0.25;
   double behind = 2;  ///< times as well, by squared error, its own motion has to fit what lies behind
+  /// A loss of so many frames at most is gone through once more when the camera is known on both sides of it;
+  /// 0: never. Their images are kept meanwhile (2.2 MB each at 640x480).
+  std::size_t recovered_frames = 20;
+  /// How far beside where the motion on both sides leads such a pose may be, by the time to the nearest one
+  /// that is known [m/s, rad/s].
+  double recovered_speed = 0.5;
   double longest_delay = 0.05;  ///< of a depth image, over which the velocity is trusted [s]
 };
 

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Frames that were lost get their poses once the camera is known on both sides of the loss.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "dynslam/runtime/io/trajectory_io.hpp"
+#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/slam.hpp"
+#include "dynslam/runtime/synth/synth.hpp"
+#include "tum_fixture.hpp"
+
+using namespace dynslam;
+using namespace dynslam::runtime;
+
+namespace {
+
+constexpr int kFrames = 40, kFirst = 18, kLost = 6;  // of them lost
+
+/// A camera that is carried through an office where nothing moves.
+struct Office {
+  test::TemporaryFolder folder;
+  Sequence sequence;
+  CameraConfig camera;
+  std::vector<StampedPose<double>> truth;
+
+  Office() {
+    SynthOptions scene;
+    scene.scenario = "empty";
+    scene.path = "xyz";
+    scene.seed = 4;
+    scene.frames = kFrames;
+    synthesize(scene, folder.path);
+    sequence = load_sequence(folder.path);
+    camera = load_camera(sequence.camera_hint);
+    truth = read_trajectory(folder.path / "groundtruth.txt");
+  }
+  [[nodiscard]] RgbdFrame frame(std::size_t i) const { return decode_frame(sequence.frames[i], i, camera); }
+  /// Error of a pose of frame i, beside where the first frame was [m].
+  [[nodiscard]] double error(std::size_t i, const SE3<double>& T_w_c) const {
+    const SE3<double> T_first_c = truth.front().T_w_c.inverse() * truth[i].T_w_c;
+    return (T_first_c.inverse() * T_w_c).translation().norm();
+  }
+};
+
+const Office& office() {
+  static const Office rendered;
+  return rendered;
+}
+
+/// Something that is held before the lens and leaves a part of the view open.
+void cover(RgbdFrame& frame, const cv::Rect& open) {
+  cv::Mat covered(frame.gray.size(), CV_8UC1, cv::Scalar(255));
+  covered(open).setTo(0);
+  frame.gray.setTo(30, covered);
+  frame.bgr.setTo(cv::Scalar::all(30), covered);
+  frame.depth.setTo(std::numeric_limits<float>::quiet_NaN(), covered);
+}
+
+struct Outcome {
+  std::vector<std::size_t> lost;         // when they came
+  std::vector<RecoveredPose> recovered;  // told by the frame after them
+  std::vector<StampedPose<double>> trajectory;
+};
+
+/// @param open  what is seen of the covered frames
+Outcome run(const cv::Rect& open, std::size_t recovered_frames, Method method = Method::full) {
+  const Office& o = office();
+  SlamOptions options;
+  options.dynamics = DynamicsMode::none;
+  options.map = false;
+  options.tracker.method = method;
+  options.tracker.search.recovered_frames = recovered_frames;
+  Slam slam(o.camera, options);
+  Outcome result;
+  for (std::size_t i = 0; i < kFrames; ++i) {
+    RgbdFrame frame = o.frame(i);
+    if (i >= kFirst && i < kFirst + kLost) cover(frame, open);
+    const TrackResult tracked = slam.track(frame, std::nullopt);
+    if (!tracked.ok()) result.lost.push_back(i);
+    if (!tracked.recovered.empty()) {
+      CHECK(tracked.ok());
+      CHECK(i == result.lost.back() + 1);
+      result.recovered = tracked.recovered;
+    }
+  }
+  slam.finish();
+  result.trajectory = slam.trajectory();
+  return result;
+}
+
+/// Too little to be located by as it comes.
+const cv::Rect kGlimpse(0, 100, 120, 200);
+
+}  // namespace
+
+TEST_CASE("frames of which little is seen are found when the camera is known on both sides of them") {
+  const Outcome o = run(kGlimpse, PoseSearchOptions().recovered_frames);
+  REQUIRE(o.lost.size() == kLost);
+  REQUIRE(o.recovered.size() >= kLost - 1);
+  CHECK(o.trajectory.size() == kFrames - kLost + o.recovered.size());
+  for (std::size_t i = 1; i < o.trajectory.size(); ++i) CHECK(o.trajectory[i - 1].t < o.trajectory[i].t);
+  std::size_t found = 0;
+  for (std::size_t i = 0; i < kFrames; ++i) {
+    const double t = office().sequence.frames[i].t_rgb;
+    const auto pose = std::find_if(o.trajectory.begin(), o.trajectory.end(),
+                                   [t](const StampedPose<double>& p) { return std::abs(p.t - t) < 1e-6; });
+    if (pose == o.trajectory.end()) continue;
+    const bool lost = std::find(o.lost.begin(), o.lost.end(), i) != o.lost.end();
+    CHECK(office().error(i, pose->T_w_c) < (lost ? 0.005 : 0.003));
+    found += lost ? 1U : 0U;
+  }
+  CHECK(found == o.recovered.size());
+}
+
+TEST_CASE("poses are never made up: of frames that show nothing there is none") {
+  const Outcome o = run(cv::Rect(0, 0, 1, 1), PoseSearchOptions().recovered_frames);
+  CHECK(o.lost.size() >= kLost);
+  CHECK(o.recovered.empty());
+  CHECK(o.trajectory.size() == kFrames - o.lost.size());
+}
+
+TEST_CASE("a loss of more frames than are kept stays one, as does each with the paper's method") {
+  for (const std::size_t kept : {std::size_t(0), std::size_t(kLost - 1)}) {
+    const Outcome o = run(kGlimpse, kept);
+    CHECK(o.lost.size() == kLost);
+    CHECK(o.recovered.empty());
+    CHECK(o.trajectory.size() == kFrames - kLost);
+  }
+  const Outcome paper = run(kGlimpse, PoseSearchOptions().recovered_frames, Method::paper);
+  CHECK(paper.lost.size() >= kLost);
+  CHECK(paper.recovered.empty());
+}
