@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "pose_distance.hpp"
 #include "random.hpp"
 
 using namespace dynslam;
@@ -14,12 +15,7 @@ using namespace dynslam;
 namespace {
 
 template <class S>
-constexpr double kTolerance = std::is_same_v<S, float> ? 2e-6 : 1e-12;
-
-template <class S>
-double distance(const SE3<S>& a, const SE3<S>& b) {
-  return static_cast<double>((a.matrix() - b.matrix()).norm());
-}
+constexpr double kCurveTolerance = std::is_same_v<S, float> ? 2e-6 : 1e-12;
 
 Eigen::Matrix<double, 6, 1> random_twist(test::Rng& rng, double size) {
   Eigen::Matrix<double, 6, 1> xi;
@@ -39,10 +35,10 @@ TEST_CASE_TEMPLATE("a motion goes through its poses, and between two at constant
       return TimedPose<S>{t, (SE3<double>::exp(speed * t) * start).template cast<S>()};
     };
     const std::vector<TimedPose<S>> two{pose(0.1), pose(0.4)};
-    for (const auto& p : two) CHECK(distance(pose_between<S>(two, p.t), p.T) < kTolerance<S>);
+    for (const auto& p : two) CHECK(test::pose_distance(pose_between<S>(two, p.t), p.T) < kCurveTolerance<S>);
     for (const double t : {0.15, 0.25, 0.39})
-      CHECK(distance(pose_between<S>(two, t), pose(t).T) < kTolerance<S>);
-    CHECK(distance(pose_between<S>(std::span(two).first(1), 5.0), two[0].T) < kTolerance<S>);
+      CHECK(test::pose_distance(pose_between<S>(two, t), pose(t).T) < kCurveTolerance<S>);
+    CHECK(test::pose_distance(pose_between<S>(std::span(two).first(1), 5.0), two[0].T) < kCurveTolerance<S>);
   }
 }
 
@@ -55,7 +51,7 @@ TEST_CASE("more poses follow a camera whose velocity changes more closely") {
   };
   const std::vector<TimedPose<double>> poses{pose(0.067), pose(0.1), pose(0.3), pose(0.333)};
   const auto error = [&](std::span<const TimedPose<double>> through, double t) {
-    return distance(pose_between<double>(through, t), pose(t).T);
+    return test::pose_distance(pose_between<double>(through, t), pose(t).T);
   };
   for (const double t : {0.13, 0.17, 0.2, 0.23, 0.27}) {
     const double two = error(std::span(poses).subspan(1, 2), t), three = error(std::span(poses).first(3), t),
@@ -65,5 +61,5 @@ TEST_CASE("more poses follow a camera whose velocity changes more closely") {
     CHECK(four < 0.03);
   }
   std::vector<TimedPose<double>> shuffled{poses[2], poses[0], poses[3], poses[1]};
-  CHECK(distance(pose_between<double>(shuffled, 0.22), pose_between<double>(poses, 0.22)) < 1e-12);
+  CHECK(test::pose_distance(pose_between<double>(shuffled, 0.22), pose_between<double>(poses, 0.22)) < 1e-12);
 }
