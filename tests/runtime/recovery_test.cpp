@@ -20,21 +20,21 @@ using namespace dynslam::runtime;
 
 namespace {
 
-constexpr int kFrames = 40, kFirst = 18, kLost = 6;  // of them lost
+constexpr int kCarriedFrames = 40, kFirstLost = 18, kLostFrames = 6;
 
 /// A camera that is carried through an office where nothing moves.
-struct Office {
+struct CarriedCamera {
   test::TemporaryFolder folder;
   Sequence sequence;
   CameraConfig camera;
   std::vector<StampedPose<double>> truth;
 
-  Office() {
+  CarriedCamera() {
     SynthOptions scene;
     scene.scenario = "empty";
     scene.path = "xyz";
     scene.seed = 4;
-    scene.frames = kFrames;
+    scene.frames = kCarriedFrames;
     synthesize(scene, folder.path);
     sequence = load_sequence(folder.path);
     camera = load_camera(sequence.camera_hint);
@@ -48,13 +48,13 @@ struct Office {
   }
 };
 
-const Office& office() {
-  static const Office rendered;
+const CarriedCamera& carried_camera() {
+  static const CarriedCamera rendered;
   return rendered;
 }
 
 /// Something that is held before the lens and leaves a part of the view open.
-void cover(RgbdFrame& frame, const cv::Rect& open) {
+void cover_all_but(RgbdFrame& frame, const cv::Rect& open) {
   cv::Mat covered(frame.gray.size(), CV_8UC1, cv::Scalar(255));
   covered(open).setTo(0);
   frame.gray.setTo(30, covered);
@@ -62,25 +62,25 @@ void cover(RgbdFrame& frame, const cv::Rect& open) {
   frame.depth.setTo(std::numeric_limits<float>::quiet_NaN(), covered);
 }
 
-struct Outcome {
+struct Recovery {
   std::vector<std::size_t> lost;         // when they came
   std::vector<RecoveredPose> recovered;  // told by the frame after them
   std::vector<StampedPose<double>> trajectory;
 };
 
 /// @param open  what is seen of the covered frames
-Outcome run(const cv::Rect& open, std::size_t recovered_frames, Method method = Method::full) {
-  const Office& o = office();
+Recovery recovery(const cv::Rect& open, std::size_t recovered_frames, Method method = Method::full) {
+  const CarriedCamera& o = carried_camera();
   SlamOptions options;
   options.dynamics = DynamicsMode::none;
   options.map = false;
   options.tracker.method = method;
   options.tracker.search.recovered_frames = recovered_frames;
   Slam slam(o.camera, options);
-  Outcome result;
-  for (std::size_t i = 0; i < kFrames; ++i) {
+  Recovery result;
+  for (std::size_t i = 0; i < kCarriedFrames; ++i) {
     RgbdFrame frame = o.frame(i);
-    if (i >= kFirst && i < kFirst + kLost) cover(frame, open);
+    if (i >= kFirstLost && i < kFirstLost + kLostFrames) cover_all_but(frame, open);
     const TrackResult tracked = slam.track(frame, std::nullopt);
     if (!tracked.ok()) result.lost.push_back(i);
     if (!tracked.recovered.empty()) {
@@ -100,39 +100,39 @@ const cv::Rect kGlimpse(0, 100, 120, 200);
 }  // namespace
 
 TEST_CASE("frames of which little is seen are found when the camera is known on both sides of them") {
-  const Outcome o = run(kGlimpse, PoseSearchOptions().recovered_frames);
-  REQUIRE(o.lost.size() == kLost);
-  REQUIRE(o.recovered.size() >= kLost - 1);
-  CHECK(o.trajectory.size() == kFrames - kLost + o.recovered.size());
+  const Recovery o = recovery(kGlimpse, PoseSearchOptions().recovered_frames);
+  REQUIRE(o.lost.size() == kLostFrames);
+  REQUIRE(o.recovered.size() >= kLostFrames - 1);
+  CHECK(o.trajectory.size() == kCarriedFrames - kLostFrames + o.recovered.size());
   for (std::size_t i = 1; i < o.trajectory.size(); ++i) CHECK(o.trajectory[i - 1].t < o.trajectory[i].t);
   std::size_t found = 0;
-  for (std::size_t i = 0; i < kFrames; ++i) {
-    const double t = office().sequence.frames[i].t_rgb;
+  for (std::size_t i = 0; i < kCarriedFrames; ++i) {
+    const double t = carried_camera().sequence.frames[i].t_rgb;
     const auto pose = std::find_if(o.trajectory.begin(), o.trajectory.end(),
                                    [t](const StampedPose<double>& p) { return std::abs(p.t - t) < 1e-6; });
     if (pose == o.trajectory.end()) continue;
     const bool lost = std::find(o.lost.begin(), o.lost.end(), i) != o.lost.end();
-    CHECK(office().error(i, pose->T_w_c) < (lost ? 0.005 : 0.003));
+    CHECK(carried_camera().error(i, pose->T_w_c) < (lost ? 0.005 : 0.003));
     found += lost ? 1U : 0U;
   }
   CHECK(found == o.recovered.size());
 }
 
 TEST_CASE("poses are never made up: of frames that show nothing there is none") {
-  const Outcome o = run(cv::Rect(0, 0, 1, 1), PoseSearchOptions().recovered_frames);
-  CHECK(o.lost.size() >= kLost);
+  const Recovery o = recovery(cv::Rect(0, 0, 1, 1), PoseSearchOptions().recovered_frames);
+  CHECK(o.lost.size() >= kLostFrames);
   CHECK(o.recovered.empty());
-  CHECK(o.trajectory.size() == kFrames - o.lost.size());
+  CHECK(o.trajectory.size() == kCarriedFrames - o.lost.size());
 }
 
 TEST_CASE("a loss of more frames than are kept stays one, as does each with the paper's method") {
-  for (const std::size_t kept : {std::size_t(0), std::size_t(kLost - 1)}) {
-    const Outcome o = run(kGlimpse, kept);
-    CHECK(o.lost.size() == kLost);
+  for (const std::size_t kept : {std::size_t(0), std::size_t(kLostFrames - 1)}) {
+    const Recovery o = recovery(kGlimpse, kept);
+    CHECK(o.lost.size() == kLostFrames);
     CHECK(o.recovered.empty());
-    CHECK(o.trajectory.size() == kFrames - kLost);
+    CHECK(o.trajectory.size() == kCarriedFrames - kLostFrames);
   }
-  const Outcome paper = run(kGlimpse, PoseSearchOptions().recovered_frames, Method::paper);
-  CHECK(paper.lost.size() >= kLost);
+  const Recovery paper = recovery(kGlimpse, PoseSearchOptions().recovered_frames, Method::paper);
+  CHECK(paper.lost.size() >= kLostFrames);
   CHECK(paper.recovered.empty());
 }
