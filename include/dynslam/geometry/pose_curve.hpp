@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <concepts>
 #include <cstddef>
 #include <span>
 
+#include "dynslam/concepts/scalar.hpp"
 #include "dynslam/config.hpp"
 #include "dynslam/geometry/se3.hpp"
 
 namespace dynslam {
 
 /// A pose at a time.
-template <std::floating_point S>
+template <Scalar S>
 struct TimedPose {
   double t = 0;  ///< [s]
   SE3<S> T;
@@ -23,7 +23,7 @@ struct TimedPose {
 /// turn; beyond the outermost of them it runs away.
 /// @param poses  one or more, at times that differ, in any order
 /// @return the pose at time t [s]
-template <std::floating_point S>
+template <Scalar S>
 [[nodiscard]] SE3<S> pose_between(std::span<const TimedPose<S>> poses, double t) {
   DYNSLAM_ASSERT(!poses.empty(), "a motion goes through poses");
   const auto away = [t](const TimedPose<S>& pose) { return pose.t < t ? t - pose.t : pose.t - t; };
@@ -37,7 +37,7 @@ template <std::floating_point S>
     double weight = 1;
     for (const TimedPose<S>& other : poses)
       if (&other != &pose) weight *= (t - other.t) / (pose.t - other.t);
-    xi += static_cast<S>(weight) * (pose.T * from_nearest).log();
+    xi += S(weight) * (pose.T * from_nearest).log();
   }
   return SE3<S>::exp(xi) * nearest->T;
 }
