@@ -59,7 +59,7 @@ void cover_all_but(RgbdFrame& frame, const cv::Rect& open) {
   covered(open).setTo(0);
   frame.gray.setTo(30, covered);
   frame.bgr.setTo(cv::Scalar::all(30), covered);
-  frame.depth.setTo(std::numeric_limits<float>::quiet_NaN(), covered);
+  frame.depth.setTo(std::numeric_limits<double>::quiet_NaN(), covered);
 }
 
 struct Recovery {
