@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "pose_distance.hpp"
 #include "random.hpp"
 
 using namespace dynslam;
@@ -101,8 +102,7 @@ TEST_CASE_TEMPLATE("alignment undoes any rigid motion, and never a scale", S, fl
   }
   const auto found = horn_alignment<S>(a, b);
   REQUIRE(found);
-  CHECK(static_cast<double>((found->matrix() - T.matrix()).norm()) <
-        (std::is_same_v<S, float> ? 1e-5 : 1e-12));
+  CHECK(test::pose_distance(*found, T) < (std::is_same_v<S, float> ? 1e-5 : 1e-12));
   const auto scaled = horn_alignment<S>(a, twice);
   REQUIRE(scaled);
   CHECK(static_cast<double>(scaled->rotation_matrix().determinant()) == doctest::Approx(1.0));

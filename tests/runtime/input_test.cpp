@@ -16,6 +16,7 @@
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/run/run_sequence.hpp"
 #include "error_text.hpp"
+#include "pose_distance.hpp"
 #include "tum_fixture.hpp"
 
 using namespace dynslam;
@@ -86,7 +87,7 @@ TEST_CASE("a written trajectory reads back, and an unwritable one is told") {
   REQUIRE(in.size() == 5);
   for (std::size_t i = 0; i < 5; ++i) {
     CHECK(in[i].t == doctest::Approx(out[i].t).epsilon(1e-15));
-    CHECK((in[i].T_w_c.matrix() - out[i].T_w_c.matrix()).norm() < 1e-8);
+    CHECK(test::pose_distance(in[i].T_w_c, out[i].T_w_c) < 1e-8);
   }
   CHECK(mentions(error_of([&] { write_trajectory(folder.path / "no" / "such" / "t.txt", out); }),
                  "cannot be written"));

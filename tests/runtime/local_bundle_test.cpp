@@ -4,6 +4,7 @@
 #include <doctest/doctest.h>
 
 #include "dynslam/robust/t_distribution.hpp"
+#include "pose_distance.hpp"
 #include "random.hpp"
 
 using namespace dynslam;
@@ -59,10 +60,9 @@ TEST_CASE("the thread's adjustment is that of the window it was started with, wh
                                 TDistribution<double>(options.nu), workspace)
               .ok());
   const SE3d D_expected = window.apply(kWindowCamera, expected);
-  CHECK((D.matrix() - D_expected.matrix()).norm() == 0);
+  CHECK(test::pose_distance(D, D_expected) == 0);
   for (std::size_t k = 0; k < expected.keyframes().size(); ++k)
-    CHECK((map.keyframes()[k].frame.T_c_w.matrix() - expected.keyframes()[k].frame.T_c_w.matrix()).norm() ==
-          0);
+    CHECK(test::pose_distance(map.keyframes()[k].frame.T_c_w, expected.keyframes()[k].frame.T_c_w) == 0);
 }
 
 TEST_CASE("what a running thread uses cannot be copied or moved away from under it") {
