@@ -110,6 +110,7 @@
 #include "dynslam/segment/growing_criteria.hpp"
 #include "dynslam/segment/growing_field.hpp"
 #include "dynslam/segment/keypoint_territories.hpp"
+#include "dynslam/segment/leading_edge.hpp"
 #include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/mask_completion.hpp"
 #include "dynslam/segment/mask_delay.hpp"

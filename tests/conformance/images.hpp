@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -37,6 +38,7 @@
 #include "dynslam/segment/growing_criteria.hpp"
 #include "dynslam/segment/growing_field.hpp"
 #include "dynslam/segment/keypoint_territories.hpp"
+#include "dynslam/segment/leading_edge.hpp"
 #include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/mask_completion.hpp"
 #include "dynslam/segment/mask_delay.hpp"
@@ -137,6 +139,15 @@ void delay_of(Record<double>& out) {
   out.put("cover_delay", cover_delay(last, present, Kind::in(mask), Image<std::uint8_t>(), 0.5, {},
                                      Kind::out(covering), workspace));
   put_image(out, "cover_delay.covering", Kind::in(covering));
+  auto ahead = Kind::make(Image<std::uint8_t>(kWidth, kHeight, 0));
+  LeadingEdgeWorkspace edge;
+  const PixelRun runs[] = {{24, 24, 44}, {26, 24, 44}, {28, 24, 44}};
+  const auto stands = [](int u, int v) { return std::optional(Eigen::Vector2d(u, v)); };
+  const auto added =
+      cover_leading_edge(last, present, std::span(runs), Kind::in(ahead), Eigen::Vector2d(4, 0), stands,
+                         {.enough = 1, .least = 1}, Kind::out(ahead), edge);
+  out.put("cover_leading_edge", added.value_or(-1));
+  put_image(out, "cover_leading_edge.covering", Kind::in(ahead));
 }
 
 template <class Kind, std::floating_point S>

@@ -29,6 +29,7 @@
 #include "dynslam/geometry/rolling_camera.hpp"
 #include "dynslam/geometry/rolling_shutter.hpp"
 #include "dynslam/geometry/se3.hpp"
+#include "dynslam/image/depth.hpp"
 #include "dynslam/image/image.hpp"
 #include "dynslam/image/image_view.hpp"
 #include "dynslam/image/pyramid.hpp"
@@ -124,7 +125,8 @@ class MotionSegmenter {
     motion_.covering = motion_.mask;
     if (add)
       cover_delay(last_pyramid_, pyramid_, motion_.mask, prior, depth_delay_, options_.delay,
-                  motion_.covering.view(), delay_);
+                  motion_.covering.view(), delay_,
+                  [&](int u, int v) { return in_last_image(u, v, depth, T_c_w); });
     on_stage(MotionStage::growing);
     return motion_;
   }
@@ -183,6 +185,8 @@ class MotionSegmenter {
   void remember(const SE3<S>& T_c_w, const M& mask) {
     if (grid_.cells() == 0) return;
     remembered_ = true;
+    last_T_c_w_ = T_c_w;
+    last_shutter_ = shutter_;
     state_cells(grid_, mask, cell_mask_, state_, verdicts_.age);
     if (options_.method == Method::full) history_.remember(depth_, depth_pose(T_c_w), state_, verdicts_.age);
     ++reference_age_;
@@ -195,6 +199,7 @@ class MotionSegmenter {
   /// new T_c_w = old T_c_w D.
   void follow(const SE3<S>& D) {
     history_.follow(D);
+    last_T_c_w_ = last_T_c_w_ * D;
     reference_.place(reference_.T_c_w() * D);
   }
 
@@ -273,6 +278,20 @@ class MotionSegmenter {
     }
   }
 
+  /// Where the last image has what of the room is at a pixel of this one.
+  template <class D>
+  [[nodiscard]] std::optional<Eigen::Vector2d> in_last_image(int u, int v, const D& depth,
+                                                             const SE3<S>& T_c_w) const {
+    const auto z = static_cast<S>(depth(u, v));
+    if (!is_valid_depth(z)) return std::nullopt;
+    const auto p = rolling().unproject(Vector2(S(u), S(v)), z);
+    if (!p) return std::nullopt;
+    const auto x =
+        RollingCamera<Camera>(camera_, last_shutter_).project(last_T_c_w_ * (T_c_w.inverse() * *p));
+    if (!x) return std::nullopt;
+    return x->template cast<double>();
+  }
+
   [[nodiscard]] RollingCamera<Camera> rolling() const { return {camera_, shutter_}; }
   [[nodiscard]] SE3<S> depth_pose(const SE3<S>& T_c_w) const {
     return T_depth_c_ ? *T_depth_c_ * T_c_w : T_c_w;
@@ -331,6 +350,8 @@ class MotionSegmenter {
   std::optional<SE3<S>> T_depth_c_;                      // and where and when its depth image was taken
   double depth_delay_ = 0;
   RollingShutter<S> shutter_;  // and how the camera moved meanwhile
+  SE3<S> last_T_c_w_;          // of the frame last remembered
+  RollingShutter<S> last_shutter_;
   ReferenceKeyframe<S> reference_;
   int reference_age_ = 0;  // frames
   std::vector<KeypointMatch<S>> matches_;

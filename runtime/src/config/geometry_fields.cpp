@@ -146,6 +146,20 @@ void list(FieldList& f, UnmeasuredOptions& o) {
   f("contrast", o.contrast, "grey levels", "edge that costs as much as the whole reach", kPositive);
 }
 
+void list(FieldList& f, LeadingEdgeOptions& o) {
+  f("reach", o.reach, "",
+    "how far ahead of a mover is looked, as a share of its motion since the last frame; 0: nowhere",
+    kNotNegative);
+  f("margin", o.margin, "grey levels", "by which a pixel has to look more like the mover than like the room",
+    kNotNegative);
+  f("most", o.most, "grey levels", "that one pixel counts for at most", kPositive);
+  f("enough", o.enough, "grey levels", "per line that goes ahead, of those asked together, that do tell",
+    kNotNegative);
+  f("together", o.together, "", "how far along the edge pixels are asked together, as a share of the width",
+    kShare);
+  f("least", o.least, "pixels", "that have to tell", kCount);
+}
+
 void list(FieldList& f, MaskDelayOptions& o) {
   f("reach", o.reach, "", "greatest motion from frame to frame, as a share of the width; 0: none is sought",
     kShare);
@@ -155,6 +169,11 @@ void list(FieldList& f, MaskDelayOptions& o) {
   f("candidates", o.candidates, "", "places that are looked at closely", kCount);
   f("distinct", o.distinct, "", "share of the next best place's difference that the best one may have",
     kShare);
+  f("piece", o.piece, "", "greatest width of what is taken to move as a whole, as a share of the width",
+    kShare);
+  f("spread", o.spread, "",
+    "by how much a piece's motion may be another than the whole's, as a share of the width", kShare);
+  f.table("edge", o.edge);
 }
 
 void list(FieldList& f, MovedOutlineOptions& o) {
