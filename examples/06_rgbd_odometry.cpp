@@ -3,13 +3,14 @@
 // Example 6: MotionSegmenter inside a system that is not ours, OpenCV's RGB-D odometry from frame to frame.
 //
 //   example_06_rgbd_odometry SEQUENCE [LIMIT]
-//   example_06_rgbd_odometry SEQUENCE --masks FOLDER...
+//   example_06_rgbd_odometry SEQUENCE [--rim PIXELS] --masks FOLDER...
 //
 // runs a TUM RGB-D folder twice, as OpenCV does it and with what moves masked out, and prints both absolute
 // trajectory errors; or with the masks of folders (STAMP.png, 0 where nothing moves, as of `run
-// --save-masks`). The odometry's pose is no start for the segmenter, since what moves spoils it: the
-// segmenter finds its own from its reference keypoints (locate), and gives the odometry a first guess, too.
-// Fails where the error with it is above LIMIT [m]; "third" stands for a third of the error without.
+// --save-masks`), kept PIXELS (3) off their rim. The odometry's pose is no start for the segmenter, since
+// what moves spoils it: the segmenter finds its own from its reference keypoints (locate), and gives the
+// odometry a first guess, too. Fails where the error with it is above LIMIT [m]; "third" stands for a third
+// of the error without.
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -123,9 +124,10 @@ enum class Masks { none, segmenter, folder };
 
 class MaskedOdometry {
  public:
-  MaskedOdometry(const std::map<std::string, double>& camera, Masks masks, std::string folder)
+  MaskedOdometry(const std::map<std::string, double>& camera, Masks masks, std::string folder, int rim)
       : masks_(masks),
         folder_(std::move(folder)),
+        rim_(rim),
         segmenter_(
             dynslam::Pinhole<double>(camera.at("fx"), camera.at("fy"), camera.at("cx"), camera.at("cy"))) {
     const cv::Mat K = (cv::Mat_<double>(3, 3) << camera.at("fx"), 0, camera.at("cx"), 0, camera.at("fy"),
@@ -171,14 +173,15 @@ class MaskedOdometry {
     return T_c_w;
   }
 
-  static cv::Mat off_the_rim(const cv::Mat& still) {  // of the movers
+  [[nodiscard]] cv::Mat off_the_rim(const cv::Mat& still) const {  // of the movers
     cv::Mat inner;
-    cv::erode(still, inner, cv::getStructuringElement(cv::MORPH_RECT, {7, 7}));
+    cv::erode(still, inner, cv::getStructuringElement(cv::MORPH_RECT, {2 * rim_ + 1, 2 * rim_ + 1}));
     return inner;
   }
 
   Masks masks_;
   std::string folder_;
+  int rim_;  // [px]
   dynslam::MotionSegmenter<double, dynslam::Pinhole<double>> segmenter_;
   cv::Ptr<cv::rgbd::RgbdOdometry> odometry_;
   Frame last_;
@@ -188,8 +191,9 @@ class MaskedOdometry {
 };
 
 double trajectory_error(const std::vector<Frame>& frames, const std::map<std::string, double>& camera,
-                        const Trajectory& groundtruth, Masks masks, const std::string& folder = {}) {
-  MaskedOdometry odometry(camera, masks, folder);
+                        const Trajectory& groundtruth, Masks masks, const std::string& folder = {},
+                        int rim = 3) {
+  MaskedOdometry odometry(camera, masks, folder, rim);
   Trajectory trajectory;
   for (const Frame& frame : frames) trajectory.push_back({frame.t, odometry.track(frame).inverse()});
   const auto ate = dynslam::absolute_trajectory_error<double>(trajectory, groundtruth);
@@ -199,8 +203,12 @@ double trajectory_error(const std::vector<Frame>& frames, const std::map<std::st
 }  // namespace
 
 int main(int argc, char** argv) try {
-  if (argc < 2) {
-    std::puts("usage: example_06_rgbd_odometry SEQUENCE [LIMIT | --masks FOLDER...]");
+  const bool has_rim = argc > 3 && std::string(argv[2]) == "--rim";
+  const int rim = has_rim ? std::atoi(argv[3]) : 3;
+  const int option = has_rim ? 4 : 2;
+  const bool has_masks = argc > option + 1 && std::string(argv[option]) == "--masks";
+  if (argc < 2 || rim < 0 || (has_rim && !has_masks)) {
+    std::puts("usage: example_06_rgbd_odometry SEQUENCE [LIMIT | [--rim PIXELS] --masks FOLDER...]");
     return 2;
   }
   const std::string folder = argv[1];
@@ -208,11 +216,11 @@ int main(int argc, char** argv) try {
   const auto frames = read_frames(folder, camera.at("depth_units_per_metre"));
   const auto groundtruth = read_groundtruth(folder);
   const double alone = trajectory_error(frames, camera, groundtruth, Masks::none);
-  if (argc > 3 && std::string(argv[2]) == "--masks") {
+  if (has_masks) {
     std::printf("%zu frames: absolute trajectory error %.1f cm alone", frames.size(), 100 * alone);
-    for (int i = 3; i < argc; ++i)
+    for (int i = option + 1; i < argc; ++i)
       std::printf(", %.1f cm with %s",
-                  100 * trajectory_error(frames, camera, groundtruth, Masks::folder, argv[i]), argv[i]);
+                  100 * trajectory_error(frames, camera, groundtruth, Masks::folder, argv[i], rim), argv[i]);
     std::puts("");
     return 0;
   }

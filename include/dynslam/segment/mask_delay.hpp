@@ -253,7 +253,9 @@ void for_each_piece(std::span<const PixelRun> runs, double side, std::vector<Pix
 /// @param mask      of the depth image: nonzero in the mask
 /// @param prior     of the colour image itself: parts of the mask that are mostly on it need no more; of
 ///                  another size: none
-/// @param delay     of the depth image after the colour image, as a share of the time since the last frame
+/// @param delay     of the depth image after the colour image, as a share of the time since the last frame;
+/// it
+///                  need not be exact for what lies ahead; 0: they are taken at once, and nothing is added
 /// @param covering  in and out: a mask, to which 255 is added
 /// @param room      where the last image has what of the room is at a pixel, as for cover_leading_edge()
 /// @return pieces that had moved
@@ -262,7 +264,7 @@ template <ImagePyramidLike P, LabelImage Mask, LabelImage Prior, OutputLabelImag
 int cover_delay(const P& last, const P& present, const Mask& mask, const Prior& prior, double delay,
                 const MaskDelayOptions& options, Covering&& covering, MaskDelayWorkspace& ws,
                 const Room& room = {}) {
-  if (!(options.reach > 0) || last.size() == 0 || !same_size(present.image(0), mask) ||
+  if (!(options.reach > 0) || delay == 0 || last.size() == 0 || !same_size(present.image(0), mask) ||
       !same_size(mask, covering))
     return 0;
   const int n = detail::number_runs(mask, false, Connectivity::eight, ws.components);
