@@ -12,6 +12,7 @@
 
 #include "dynslam/image/image.hpp"
 #include "dynslam/image/pyramid.hpp"
+#include "dynslam/segment/connected_components.hpp"
 #include "dynslam/segment/mask_delay.hpp"
 #include "moving_scene.hpp"
 
@@ -22,43 +23,31 @@ namespace {
 constexpr int kEdgeWidth = 320, kEdgeHeight = 240;
 using EdgeMask = Image<std::uint8_t>;
 
-/// Blobs of 30, 15 and 7 pixels.
-double blobs(double x, double y, std::uint64_t seed) {
-  const auto at = [&](double pixels) { return 90 * test::surface_texture(x / pixels, y / pixels, seed); };
-  return 10 + at(250) + at(125);
-}
-
 /// A painted board of 160 x 100 pixels, turned, before a wall that stands.
+template <class Pixel = std::uint8_t>
 struct BoardView {
-  Eigen::Vector2d middle;
-  double angle;  // [rad]
-  HalvingPyramid<std::uint8_t> pyramid;
+  HalvingPyramid<Pixel> pyramid;
   EdgeMask mask{kEdgeWidth, kEdgeHeight, 0};
 
-  BoardView(const Eigen::Vector2d& at, double turned) : middle(at), angle(turned) {
-    Image<std::uint8_t> gray(kEdgeWidth, kEdgeHeight);
+  BoardView(const Eigen::Vector2d& middle, double angle) {  // [px, rad]
+    Image<Pixel> gray(kEdgeWidth, kEdgeHeight);
     for (int v = 0; v < kEdgeHeight; ++v) {
       for (int u = 0; u < kEdgeWidth; ++u) {
         const Eigen::Vector2d d = Eigen::Vector2d(u, v) - middle;
         const double x = std::cos(angle) * d.x() + std::sin(angle) * d.y();
         const double y = -std::sin(angle) * d.x() + std::cos(angle) * d.y();
         mask(u, v) = std::abs(x) < 80 && std::abs(y) < 50 ? 255 : 0;
-        gray(u, v) = static_cast<std::uint8_t>(mask(u, v) != 0 ? blobs(x + 400, y + 400, 3) : blobs(u, v, 5));
+        gray(u, v) = static_cast<Pixel>(mask(u, v) != 0 ? test::blob_texture(x + 400, y + 400, 3)
+                                                        : test::blob_texture(u, v, 5));
       }
     }
     pyramid.build(gray, 4);
   }
 
   [[nodiscard]] std::vector<PixelRun> runs() const {
-    std::vector<PixelRun> result;
-    for (int v = 0; v < kEdgeHeight; ++v) {
-      for (int u = 0; u < kEdgeWidth; ++u) {
-        if (mask(u, v) == 0) continue;
-        if (u == 0 || mask(u - 1, v) == 0) result.push_back({v, u, u});
-        ++result.back().end;
-      }
-    }
-    return result;
+    ComponentsWorkspace components;
+    detail::number_runs(mask, false, Connectivity::eight, components);
+    return components.runs;
   }
 };
 
@@ -76,15 +65,16 @@ int beyond(const EdgeMask& a, const EdgeMask& b) {
 
 }  // namespace
 
-TEST_CASE("what a mover has ahead of its mask is found without knowing how late the mask is") {
+TEST_CASE_TEMPLATE("what a mover has ahead of its mask is found without knowing how late the mask is", Pixel,
+                   std::uint8_t, std::uint16_t, float) {
   LeadingEdgeWorkspace workspace;
   const Eigen::Vector2d from(150, 120);
   for (const Eigen::Vector2d& motion : {Eigen::Vector2d(20, 0), {-6, 18}, {16, -14}}) {
-    const BoardView last(from, 0), present(from + motion, 0);
+    const BoardView<Pixel> last(from, 0), present(from + motion, 0);
     for (const double late : {0.0, 0.25, 0.6}) {
       CAPTURE(motion.transpose());
       CAPTURE(late);
-      const BoardView depth(from + (1 - late) * motion, 0);
+      const BoardView<Pixel> depth(from + (1 - late) * motion, 0);
       EdgeMask covering = depth.mask;
       const auto runs = depth.runs();
       const auto added = cover_leading_edge(last.pyramid, present.pyramid, std::span(runs), depth.mask,
@@ -101,7 +91,7 @@ TEST_CASE("what a mover has ahead of its mask is found without knowing how late 
 
 TEST_CASE("a leading edge stays as it is where nothing is known of the room, or where nothing moved") {
   LeadingEdgeWorkspace workspace;
-  const BoardView last({150, 120}, 0), present({170, 120}, 0), depth({158, 120}, 0);
+  const BoardView<> last({150, 120}, 0), present({170, 120}, 0), depth({158, 120}, 0);
   EdgeMask covering = depth.mask;
   const auto runs = depth.runs();
   const auto cover = [&](const Eigen::Vector2d& motion, auto&& room, const LeadingEdgeOptions& options) {
@@ -122,7 +112,7 @@ TEST_CASE("the ends of a board that turns go each a way of their own") {
   MaskDelayWorkspace workspace;
   constexpr double kTurn = 0.12;  // [rad]
   const Eigen::Vector2d from(150, 120), to(162, 120);
-  const BoardView last(from, 0), present(to, kTurn), depth(0.5 * (from + to), kTurn / 2);
+  const BoardView<> last(from, 0), present(to, kTurn), depth(0.5 * (from + to), kTurn / 2);
   const EdgeMask no_prior;
   // That the images are not taken at once is known, but not by how much.
   const auto missed = [&](const MaskDelayOptions& options) {

@@ -27,8 +27,7 @@ enum class Paint { blobs, plain, stripes };
 double painted(Paint paint, int x, int y, std::uint64_t seed) {
   if (paint == Paint::plain) return 120;
   if (paint == Paint::stripes) return x / 8 % 2 == 0 ? 60 : 180;
-  const auto at = [&](double pixels) { return 90 * test::surface_texture(x / pixels, y / pixels, seed); };
-  return 10 + at(250) + at(125);  // blobs of 30, 15 and 7 pixels
+  return test::blob_texture(x, y, seed);
 }
 
 struct Box {

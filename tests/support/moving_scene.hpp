@@ -51,6 +51,12 @@ inline double surface_texture(double x, double y, std::uint64_t seed) {
   return value;
 }
 
+/// Grey values of a picture: blobs of 30, 15 and 7 pixels, 10 to 190.
+inline double blob_texture(double u, double v, std::uint64_t seed) {
+  const auto at = [&](double pixels) { return 90 * surface_texture(u / pixels, v / pixels, seed); };
+  return 10 + at(250) + at(125);
+}
+
 /// A wall with two boards in front of it, facing along z: one that stands, one that may be carried about.
 struct MovingScene {
   Eigen::Vector2d board{-0.3, 0.0};  ///< centre of the one that moves [m]

@@ -123,10 +123,12 @@ class MotionSegmenter {
     if (add)
       complete_unmeasured(pyramid_.image(0), depth, motion_.mask.view(), options_.unmeasured, unmeasured_);
     motion_.covering = motion_.mask;
-    if (add)
+    if (add) {
+      const SE3<S> T_last_c = last_T_c_w_ * T_c_w.inverse();
       cover_delay(last_pyramid_, pyramid_, motion_.mask, prior, depth_delay_, options_.delay,
                   motion_.covering.view(), delay_,
-                  [&](int u, int v) { return in_last_image(u, v, depth, T_c_w); });
+                  [&](int u, int v) { return in_last_image(u, v, depth, T_last_c); });
+    }
     on_stage(MotionStage::growing);
     return motion_;
   }
@@ -281,13 +283,12 @@ class MotionSegmenter {
   /// Where the last image has what of the room is at a pixel of this one.
   template <class D>
   [[nodiscard]] std::optional<Eigen::Vector2d> in_last_image(int u, int v, const D& depth,
-                                                             const SE3<S>& T_c_w) const {
+                                                             const SE3<S>& T_last_c) const {
     const auto z = static_cast<S>(depth(u, v));
     if (!is_valid_depth(z)) return std::nullopt;
     const auto p = rolling().unproject(Vector2(S(u), S(v)), z);
     if (!p) return std::nullopt;
-    const auto x =
-        RollingCamera<Camera>(camera_, last_shutter_).project(last_T_c_w_ * (T_c_w.inverse() * *p));
+    const auto x = RollingCamera<Camera>(camera_, last_shutter_).project(T_last_c * *p);
     if (!x) return std::nullopt;
     return x->template cast<double>();
   }

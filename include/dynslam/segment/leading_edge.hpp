@@ -34,11 +34,10 @@ struct LeadingEdgeWorkspace {
 };
 
 namespace detail {
-/// Mean difference of 3 x 3 pixels around p and, moved by d, in the last image; nullopt at either's rim.
+/// Mean difference of 3 x 3 pixels around p and, in the last image, around q; nullopt at either's rim.
 template <class I>
 [[nodiscard]] std::optional<double> patch_difference(const I& last, const I& present,
-                                                     const Eigen::Vector2i& p, const Eigen::Vector2i& d) {
-  const Eigen::Vector2i q = p + d;
+                                                     const Eigen::Vector2i& p, const Eigen::Vector2i& q) {
   const auto inside = [&](const Eigen::Vector2i& x) {
     return x.x() > 0 && x.y() > 0 && x.x() + 1 < present.width() && x.y() + 1 < present.height();
   };
@@ -98,6 +97,7 @@ std::optional<int> cover_leading_edge(const P& last, const P& present, std::span
   using Pixel = typename std::remove_reference_t<Covering>::Pixel;
   const double length = motion.cwiseAbs().maxCoeff();
   const int level = std::min({1, last.size() - 1, present.size() - 1});
+  if (level < 0) return std::nullopt;
   // A pixel of the level at a time, along every other line.
   const int stride = std::max(1, static_cast<int>(std::lround(present.scale(level).minCoeff())));
   const int steps = static_cast<int>(options.reach * length) / stride;
@@ -122,9 +122,8 @@ std::optional<int> cover_leading_edge(const P& last, const P& present, std::span
     if (!seen) return 0.0;
     const Eigen::Vector2d x = pixel.cast<double>();
     const Eigen::Vector2i p = on_level(x);
-    const auto as_body =
-        detail::patch_difference(before, image, p, Eigen::Vector2i(on_level(x - motion) - p));
-    const auto as_room = detail::patch_difference(before, image, p, Eigen::Vector2i(on_level(*seen) - p));
+    const auto as_body = detail::patch_difference(before, image, p, on_level(x - motion));
+    const auto as_room = detail::patch_difference(before, image, p, on_level(*seen));
     if (!as_body || !as_room) return 0.0;
     ++told;
     return std::clamp(*as_body - *as_room, -options.most, options.most) + options.margin;

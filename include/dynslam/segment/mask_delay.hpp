@@ -112,21 +112,21 @@ inline void keep_best(std::vector<BodyPlace>& places, int n, int apart) {
   places.erase(places.begin() + static_cast<std::ptrdiff_t>(kept), places.end());
 }
 
-/// As image_motion(), with motions within `reach` of what is expected, by so many samples.
+/// As image_motion(), with motions within `reach` of what is expected.
 /// @param expected  motion [px of level 0]
 /// @param reach     as a share of the image's width
 template <ImagePyramidLike P>
 [[nodiscard]] std::optional<Eigen::Vector2d> search_motion(const P& last, const P& present,
                                                            std::span<const PixelRun> runs,
                                                            const Eigen::Vector2d& expected, double reach,
-                                                           int samples, const MaskDelayOptions& options,
+                                                           const MaskDelayOptions& options,
                                                            MaskDelayWorkspace& ws) {
   const auto base = present.image(0);
   if (!same_size(last.image(0), base)) return std::nullopt;
   std::size_t pixels = 0;
   for (const PixelRun& run : runs) pixels += run.size();
   const std::size_t stride =
-      std::max<std::size_t>(1, pixels / static_cast<std::size_t>(std::max(1, samples)));
+      std::max<std::size_t>(1, pixels / static_cast<std::size_t>(std::max(1, options.samples)));
   ws.samples.clear();
   std::size_t next = stride / 2;  // of the pixels in a row
   for (const PixelRun& run : runs) {
@@ -183,21 +183,21 @@ template <ImagePyramidLike P>
                                                           std::span<const PixelRun> runs,
                                                           const MaskDelayOptions& options,
                                                           MaskDelayWorkspace& ws) {
-  return detail::search_motion(last, present, runs, Eigen::Vector2d::Zero(), options.reach, options.samples,
-                               options, ws);
+  return detail::search_motion(last, present, runs, Eigen::Vector2d::Zero(), options.reach, options, ws);
 }
 
 namespace detail {
-/// Adds runs, moved, to a mask.
+/// Adds runs, moved, to a mask. @return whether that is by a pixel or more
 template <class Mask>
-void add_moved(std::span<const PixelRun> runs, const Eigen::Vector2d& by, Mask&& out) {
+bool add_moved(std::span<const PixelRun> runs, const Eigen::Vector2d& by, Mask&& out) {
   using Pixel = typename std::remove_reference_t<Mask>::Pixel;
   const int x = static_cast<int>(std::lround(by.x())), y = static_cast<int>(std::lround(by.y()));
-  if (x == 0 && y == 0) return;
+  if (x == 0 && y == 0) return false;
   for (const PixelRun& run : runs) {
     const PixelRun to{run.v + y, std::max(0, run.begin + x), std::min(out.width(), run.end + x)};
     if (to.v >= 0 && to.v < out.height() && to.begin < to.end) fill_run(out, to, static_cast<Pixel>(255));
   }
+  return true;
 }
 
 /// Whether something that is not of the mask lies beside the runs, which are row by row.
@@ -253,9 +253,8 @@ void for_each_piece(std::span<const PixelRun> runs, double side, std::vector<Pix
 /// @param mask      of the depth image: nonzero in the mask
 /// @param prior     of the colour image itself: parts of the mask that are mostly on it need no more; of
 ///                  another size: none
-/// @param delay     of the depth image after the colour image, as a share of the time since the last frame;
-/// it
-///                  need not be exact for what lies ahead; 0: they are taken at once, and nothing is added
+/// @param delay     of the depth image after the colour image, as a share of the time since the last frame
+///                  (for what lies ahead it need not be exact); 0: at once, and nothing is added
 /// @param covering  in and out: a mask, to which 255 is added
 /// @param room      where the last image has what of the room is at a pixel, as for cover_leading_edge()
 /// @return pieces that had moved
@@ -275,12 +274,8 @@ int cover_delay(const P& last, const P& present, const Mask& mask, const Prior& 
   const auto cover = [&](std::span<const PixelRun> runs, const Eigen::Vector2d& motion) {
     const auto ahead =
         cover_leading_edge(last, present, runs, mask, motion, room, options.edge, covering, ws.edge);
-    bool grown = ahead.value_or(0) > 0;
-    if (std::lround(delay * motion.cwiseAbs().maxCoeff()) != 0) {
-      detail::add_moved(runs, -delay * motion, covering);
-      grown = true;
-    }
-    moved += grown ? 1 : 0;
+    const bool late = detail::add_moved(runs, -delay * motion, covering);
+    moved += late || ahead.value_or(0) > 0 ? 1 : 0;
   };
   for (int part = 1; part <= n; ++part) {
     const int pixels = ws.counts[static_cast<std::size_t>(part)];
@@ -295,18 +290,18 @@ int cover_delay(const P& last, const P& present, const Mask& mask, const Prior& 
     if (2 * known > pixels) continue;
     const std::span<const PixelRun> runs(ws.runs);
     const auto whole = image_motion(last, present, runs, options, ws);
-    detail::for_each_piece(
-        runs, options.piece * mask.width(), ws.piece, [&](std::span<const PixelRun> piece, bool alone) {
-          if (!detail::reaches_edge(piece, mask)) return;
-          auto motion = whole;
-          if (!alone) {
-            const auto own =
-                detail::search_motion(last, present, piece, whole.value_or(Eigen::Vector2d::Zero()),
-                                      whole ? options.spread : options.reach, options.samples, options, ws);
-            if (own) motion = own;
-          }
-          if (motion) cover(piece, *motion);
-        });
+    const auto cover_piece = [&](std::span<const PixelRun> piece, bool alone) {
+      if (!detail::reaches_edge(piece, mask)) return;
+      auto motion = whole;
+      if (!alone) {
+        const auto own = detail::search_motion(last, present, piece, whole.value_or(Eigen::Vector2d::Zero()),
+                                               whole ? options.spread : options.reach, options, ws);
+        if (own) motion = own;
+      }
+      if (motion) cover(piece, *motion);
+    };
+    const double width = std::max({options.piece * mask.width(), side, 1.0});
+    detail::for_each_piece(runs, width, ws.piece, cover_piece);
   }
   return moved;
 }
