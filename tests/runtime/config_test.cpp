@@ -161,6 +161,16 @@ TEST_CASE("a configuration's mistakes are named with file, line, what was expect
   }
 }
 
+TEST_CASE("additions that a list does not name are left out") {
+  Configured c;
+  c.read("[tracker]\nadditions = [\"second_look\"]\n");
+  const auto& a = c.options.tracker.additions;
+  REQUIRE(a);
+  CHECK(a->second_look);
+  CHECK_FALSE((a->surface_weights || a->motion_prior || a->strict_local_map || a->proven_points ||
+               a->image_alignment || a->look_around));
+}
+
 TEST_CASE("what TOML allows on one line is understood") {
   Configured c;
   c.read(

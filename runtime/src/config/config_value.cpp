@@ -16,13 +16,14 @@
 namespace dynslam::runtime {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, bool Additions::*>, 6> kAdditions{{
+constexpr std::array<std::pair<std::string_view, bool Additions::*>, 7> kAdditions{{
     {"surface_weights", &Additions::surface_weights},
     {"motion_prior", &Additions::motion_prior},
     {"strict_local_map", &Additions::strict_local_map},
     {"proven_points", &Additions::proven_points},
     {"second_look", &Additions::second_look},
     {"image_alignment", &Additions::image_alignment},
+    {"look_around", &Additions::look_around},
 }};
 constexpr std::string_view kAuto = "auto";
 
@@ -139,12 +140,16 @@ class ConfigSetter {
       return {};
     }
     const auto names = strings();
-    Additions additions{false, false, false, false};
+    Additions additions;
+    for (const auto& one : kAdditions) additions.*(one.second) = false;
     for (const std::string& name : names.value_or(std::vector<std::string>{""})) {
       const auto known = std::find_if(kAdditions.begin(), kAdditions.end(),
                                       [&](const auto& one) { return one.first == name; });
-      if (known == kAdditions.end())
-        return "\"auto\" or an array of surface_weights, motion_prior, strict_local_map, proven_points, second_look, image_alignment";
+      if (known == kAdditions.end()) {
+        std::string expected = "\"auto\" or an array of ";
+        for (const auto& one : kAdditions) (expected += &one == &kAdditions.front() ? "" : ", ") += one.first;
+        return expected;
+      }
       additions.*(known->second) = true;
     }
     *out = additions;

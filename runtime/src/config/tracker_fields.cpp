@@ -17,7 +17,8 @@ void list(FieldList& f, TrackerOptions& o) {
     "proven_points (points are made on surfaces alone that have stayed; needs geometric masks; in no mode's "
     "\"auto\"), "
     "second_look (where the map in view does not tell the pose, the last frame enters it whole), "
-    "image_alignment (where few features lead from the last frame, its grey values are another start); "
+    "image_alignment (where few features lead from the last frame, its grey values are another start), "
+    "look_around (where far fewer points fit than usually, poses beside the one found are tried); "
     "\"auto\": by method and mode");
   f.table("features", o.features);
   f.table("depth_noise", o.depth_noise);
@@ -76,6 +77,15 @@ void list(FieldList& f, PoseSearchOptions& o) {
   f("sure_inliers", o.sure_inliers, "",
     "inliers among them with fewer of which the local map is matched again from the pose that it gave",
     kCount);
+  f("settling_passes", o.settling_passes, "", "how often at most it is matched then", between(1, 100));
+  f("settling_growth", o.settling_growth, "",
+    "how many times the inliers have to grow for another time, and for another pose to be taken",
+    between(1, 10));
+  f("fallen_inliers", o.fallen_inliers, "",
+    "share of the inliers of the frames before, below which poses beside the one found are tried; 0: never",
+    kShare);
+  f("usual_decay", o.usual_decay, "", "what the inliers of a frame count in the next, in comparison", kShare);
+  f("aside", o.aside, "px", "how far aside the matches are from those poses", kPositive);
   f("coasting_frames", o.coasting_frames, "frames",
     "lost for fewer frames, the camera is first looked for where its motion leads", kCount);
   f("near_radius", o.near_radius, "px",

@@ -175,32 +175,29 @@ bool Tracker::locate_by_features(Present& now) {
   const PoseSearchOptions& o = options_.search;
   if (lost_frames_ >= o.coasting_frames) return false;
   const SE3<double> predicted = SE3<double>::exp(velocity_.log() * (lost_frames_ + 1)) * last_.T_c_w;
-  // From a poor start the local map's points may be matched to a pose that is centimetres off, and still be
-  // many. A second look from there finds those that it missed, and tells. The best of the weak starts is
-  // taken, the one by the last frame's grey values among them.
+  // The best of the weak starts is taken, the one by the last frame's grey values among them.
   std::optional<Attempt> best;
   for (const float radius : {o.near_radius, o.far_radius}) {
     if (!try_initial_pose(now, predicted, radius)) continue;
-    const bool weak = now.result.inliers < o.min_inliers, poor = weak || now.result.inliers < o.sure_inliers;
-    if (!weak) now.done(Stage::initial_pose);
-    const Attempt start = weak ? attempt(now) : Attempt();
-    const int wanted = weak ? 2 * o.min_inliers : o.min_inliers;  // as a place
-    const bool proven = prove_on_local_map(now, o.min_inliers) && (!poor || prove_on_local_map(now, wanted));
-    if (!weak) {
-      if (proven) measure_rows(now);
-      return proven;
+    if (now.result.inliers >= o.min_inliers) {
+      now.done(Stage::initial_pose);
+      const bool poor = now.result.inliers < o.sure_inliers;
+      if (!(poor ? settle_on_local_map(now, o.min_inliers) : prove_on_local_map(now, o.min_inliers)))
+        return false;
+      if (!poor || !look_around(now)) measure_rows(now);
+      return true;
     }
-    if (proven && (!best || now.result.inliers > best->result.inliers)) best = attempt(now);
+    const Attempt start = attempt(now);
+    if (settle_on_local_map(now, 2 * o.min_inliers) && (!best || now.result.inliers > best->result.inliers))
+      best = attempt(now);
     take_back(now, start);
   }
   now.done(Stage::initial_pose);
   if (!best) return false;
-  if (!now.plain && align_with_last(now) && prove_on_local_map(now, o.min_inliers) &&
-      prove_on_local_map(now, 2 * o.min_inliers) && now.result.inliers > best->result.inliers) {
-    measure_rows(now);
-    return true;
-  }
-  take_back(now, *best);
+  const bool aligned = !now.plain && align_with_last(now) && settle_on_local_map(now, 2 * o.min_inliers) &&
+                       now.result.inliers > best->result.inliers;
+  if (!aligned) take_back(now, *best);
+  if (!look_around(now) && aligned) measure_rows(now);
   return true;
 }
 
@@ -260,7 +257,7 @@ bool Tracker::align_with_last(Present& now) {
 }
 
 bool Tracker::locate_by_alignment(Present& now, int wanted) {
-  if (!align_with_last(now) || !prove_on_local_map(now, wanted)) return false;
+  if (!align_with_last(now) || !settle_on_local_map(now, wanted)) return false;
   measure_rows(now);
   return true;
 }
@@ -316,6 +313,8 @@ void Tracker::accept(Present& now) {
   frame.T_c_w = now.T_c_w;
   matcher_.drop_unmatched(frame);
   for (const int p : frame.point) now.result.matches += p >= 0 ? 1 : 0;
+  usual_inliers_ =
+      std::max(static_cast<double>(now.result.inliers), options_.search.usual_decay * usual_inliers_);
   velocity_interval_ = interval(now.input).value_or(0);
   velocity_ = lost_frames_ == 0 ? now.T_c_w * last_.T_c_w.inverse() : SE3<double>();
   lost_frames_ = 0;

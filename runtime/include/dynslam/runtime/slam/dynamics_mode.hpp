@@ -40,6 +40,7 @@ struct Additions {
   bool proven_points = false;    ///< points only on surfaces known to have stayed; needs geometric masks
   bool second_look = true;  ///< where the map in view does not tell the pose, the last frame enters it whole
   bool image_alignment = true;  ///< where few features lead from the last frame, its grey values are a start
+  bool look_around = true;  ///< where far fewer points fit than usually, poses beside the one found are tried
 };
 
 /// What a run of a method and mode takes: nothing with the paper's, and with `none`, which is the baseline.
@@ -48,7 +49,7 @@ struct Additions {
 [[nodiscard]] constexpr Additions additions(Method method, DynamicsMode mode) {
   const bool full = method == Method::full, geometry = full && uses_geometry(mode);
   const bool masked = full && mode != DynamicsMode::none;
-  return {masked, masked, geometry, false, masked, masked};
+  return {masked, masked, geometry, false, masked, masked, masked};
 }
 
 }  // namespace dynslam::runtime

@@ -102,6 +102,11 @@ class Tracker {
   void measure_rows(const Present& now);
   /// Matches the local map's points. @return whether `wanted` of them fit one pose
   bool prove_on_local_map(Present& now, int wanted);
+  /// The same, again and again for as long as more points fit.
+  bool settle_on_local_map(Present& now, int wanted);
+  bool look_around(Present& now);
+  [[nodiscard]] int old_matches(const Frame& frame) const;
+  [[nodiscard]] double depth_of_matches(const Present& now) const;
   bool relocalise(Present& now);
   void find_movers(Present& now);
   void give_back_resting(Present& now);
@@ -167,6 +172,7 @@ class Tracker {
   std::size_t adjustments_ = 0;
   Frame last_;
   ImagePyramid last_pyramid_;  // for look_again()
+  double usual_inliers_ = 0;   // of the frames before: the most, less by a share for each frame since
   cv::Mat last_moving_;        // what the geometry found in the last frame, CV_8UC1
   std::vector<std::uint8_t> recent_flags_;
   SE3<double> velocity_;  // T_c_last

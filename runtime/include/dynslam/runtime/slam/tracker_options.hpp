@@ -24,10 +24,16 @@ namespace dynslam::runtime {
 
 /// How a pose is found between two frames and proven by the local map. Lengths in metres, times in seconds.
 struct PoseSearchOptions {
-  int min_inliers = 25;     ///< fewer: the pose is not accepted
-  int weak_inliers = 8;     ///< of the last frame's points: a start whose proof is the local map
-  int sure_inliers = 50;    ///< of them: with fewer the local map is matched again from the pose it gave
-  int coasting_frames = 3;  ///< lost for fewer: the motion that was is tried before the places
+  int min_inliers = 25;          ///< fewer: the pose is not accepted
+  int weak_inliers = 8;          ///< of the last frame's points: a start whose proof is the local map
+  int sure_inliers = 50;         ///< of them: with fewer the local map is matched again from the pose it gave
+  int settling_passes = 4;       ///< so often at most,
+  double settling_growth = 1.1;  ///< and again only where the inliers became so many times as many
+  double fallen_inliers =
+      0.75;                  ///< share of the inliers of before, below which poses aside are tried; 0: never
+  double usual_decay = 0.9;  ///< what the inliers of a frame count in the next, in that comparison
+  double aside = 5;          ///< pixels by which what matches is aside from those poses
+  int coasting_frames = 3;   ///< lost for fewer: the motion that was is tried before the places
   float near_radius = 12.0F,
         far_radius = 30.0F;  ///< of the search for the last frame's points [px of their level]
   double prior_share = 0.2;  ///< the predicted motion counts as this share of all matches
