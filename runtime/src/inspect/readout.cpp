@@ -9,6 +9,7 @@
 
 #include "dynslam/runtime/io/frame_stream.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
+#include "median.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -45,10 +46,7 @@ double interval_of(const Sequence& sequence) {
   std::vector<double> intervals;
   for (std::size_t i = 1; i < sequence.frames.size(); ++i)
     intervals.push_back(sequence.frames[i].t_rgb - sequence.frames[i - 1].t_rgb);
-  if (intervals.empty()) return 0;
-  const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
-  std::nth_element(intervals.begin(), middle, intervals.end());
-  return *middle;
+  return median_of(intervals);
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 
 #include "dynslam/image/depth.hpp"
 #include "io/argument_check.hpp"
+#include "median.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -29,13 +30,6 @@ constexpr int kFineReach = 48, kFineLevels = 3;
 const cv::Size kFineWindow(21, 21);
 constexpr double kFineDistance = 3;
 constexpr double kCornerQuality = 0.005;  // and the distances: as in cv::goodFeaturesToTrack()
-
-float median_of(std::vector<float>& values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 cv::Mat square(int radius) {
   return cv::getStructuringElement(cv::MORPH_RECT, {2 * radius + 1, 2 * radius + 1});

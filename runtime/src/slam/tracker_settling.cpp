@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // How a pose is made sure of on the local map where the start was poor.
 #include <algorithm>
-#include <cstddef>
 #include <vector>
 
+#include "median.hpp"
 #include "slam/tracker_present.hpp"
 
 namespace dynslam::runtime {
@@ -64,10 +64,7 @@ double Tracker::depth_of_matches(const Present& now) const {
   for (const int p : now.frame.point) {
     if (p >= 0) depths.push_back((now.T_c_w * map_.point(p).p_w).z());
   }
-  if (depths.empty()) return 0;
-  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
-  std::nth_element(depths.begin(), middle, depths.end());
-  return *middle;
+  return median_of(depths);
 }
 
 }  // namespace dynslam::runtime
