@@ -134,3 +134,4 @@
 #include "dynslam/semantic/voxel_block_map.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
 #include "dynslam/version.hpp"
+#include "dynslam/wide_vectors.hpp"

@@ -20,6 +20,7 @@
 #include "dynslam/optim/pose_consensus.hpp"
 #include "dynslam/robust/consensus.hpp"
 #include "dynslam/robust/kernels.hpp"
+#include "dynslam/wide_vectors.hpp"
 #include "scene.hpp"
 
 using namespace dynslam;

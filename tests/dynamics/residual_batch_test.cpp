@@ -74,7 +74,7 @@ TEST_CASE_TEMPLATE("grey values are the same numbers in images of any type", Pix
     same.data()[i] = static_cast<Pixel>(bytes.data()[i]);
   }
   MatchRows<float> rows;
-  for (int k = 0; k < 70; ++k) {  // two blocks and some one by one
+  for (int k = 0; k < 70; ++k) {  // two blocks, of which parts are the same
     const Eigen::Vector2f x(static_cast<float>(rng.uniform(-2, 82)), static_cast<float>(rng.uniform(-2, 62)));
     rows.push_back(x, camera.ray(x) * 2.0F, x);
   }
@@ -87,4 +87,43 @@ TEST_CASE_TEMPLATE("grey values are the same numbers in images of any type", Pix
   run(same, out);
   CHECK(out.photometric == expected.photometric);
   CHECK(out.weight == expected.weight);
+}
+
+TEST_CASE_TEMPLATE("wide vectors give the bits of narrow ones, in blocks and one by one", S, float, double) {
+  if (!detail::has_wide_vectors()) {
+    MESSAGE("skipped: no wider vectors than those of the compiler");
+    return;
+  }
+  test::Rng rng("residual batch of wide vectors");
+  const Pinhole<S> camera(S(60), S(62), S(40), S(30));
+  Image<std::uint8_t> before(80, 60), now(80, 60);
+  Image<float> depth(80, 60);
+  for (int i = 0; i < 80 * 60; ++i) {
+    before.data()[i] = static_cast<std::uint8_t>(rng.integer(0, 255));
+    now.data()[i] = static_cast<std::uint8_t>(rng.integer(0, 255));
+    depth.data()[i] = rng.chance(0.2) ? -1.0F : static_cast<float>(rng.uniform(0.5, 4));
+  }
+  Eigen::Matrix<S, 6, 1> xi;
+  xi << S(0.05), S(-0.02), S(0.03), S(0.02), S(0.04), S(-0.03);
+  const SE3<S> pose = SE3<S>::exp(xi);
+  Eigen::Matrix<S, 3, 4> T;
+  T << pose.rotation_matrix(), pose.translation();
+  const StaticWeightScales<S> scales{S(8), S(1), S(2)};
+  const DepthNoise<S> noise;
+  for (const int n : {13, 150}) {
+    MatchRows<S> rows;
+    for (int k = 0; k < n; ++k)
+      rows.push_back({S(rng.uniform(-5, 85)), S(rng.uniform(-5, 65))},
+                     {S(rng.uniform(-2, 2)), S(rng.uniform(-2, 2)), S(k % 10 == 0 ? -1 : rng.uniform(1, 4))},
+                     {S(rng.uniform(-5, 85)), S(rng.uniform(-5, 65))});
+    ResidualRows<S> wide, narrow;
+    residual_batch<S>(camera, rows, before, now, depth, pose, scales, noise, S(5), wide);
+    narrow.resize(rows.size());
+    detail::residual_blocks<S>(camera, rows, before, now, depth, T, scales, noise, S(5), narrow);
+    CHECK(wide.photometric == narrow.photometric);
+    CHECK(wide.reprojection == narrow.reprojection);
+    CHECK(wide.depth == narrow.depth);
+    CHECK(wide.weight == narrow.weight);
+    CHECK(wide.dimension == narrow.dimension);
+  }
 }

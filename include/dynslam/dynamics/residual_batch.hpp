@@ -20,6 +20,7 @@
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/robust/t_distribution.hpp"
+#include "dynslam/wide_vectors.hpp"
 
 namespace dynslam {
 
@@ -76,8 +77,8 @@ struct ResidualBlock {
   };
   /// Those around (u, v); at the border and outside any.
   template <class I, class U>
-  static void find_cells(const I& image, const U& u, const U& v, Cells& cells) {
-    const S w = S(image.width() - 2), h = S(image.height() - 2);
+  DYNSLAM_ALWAYS_INLINE static void find_cells(const I& image, const U& u, const U& v, Cells& cells) {
+    const S w = S(image.width() - 1), h = S(image.height() - 1);
     // A loop for each step: in one, the compiler takes branches for the bounds and no vectors.
     Row x, y;
     for (int i = 0; i < N; ++i) {
@@ -86,23 +87,21 @@ struct ResidualBlock {
       y(i) = y0 < h ? y0 : h;
     }
     for (int i = 0; i < N; ++i) {
-      cells.column(i) = static_cast<int>(x(i));
-      cells.row(i) = static_cast<int>(y(i));
+      const S x0 = x(i) < w - S(1) ? x(i) : w - S(1), y0 = y(i) < h - S(1) ? y(i) : h - S(1);
+      cells.column(i) = static_cast<int>(x0);
+      cells.row(i) = static_cast<int>(y0);
     }
     for (int i = 0; i < N; ++i) {
-      const S a = u(i) - static_cast<S>(cells.column(i)), b = v(i) - static_cast<S>(cells.row(i));
-      cells.a(i) = a;
-      cells.b(i) = b;
-      // Inside both are in [0, 1].
-      const S in_a = a >= S(0) ? S(1) : S(0), in_b = b >= S(0) ? in_a : S(0);
-      const S to_a = a <= S(1) ? in_b : S(0);
-      cells.has(i) = b <= S(1) ? to_a : S(0);
+      cells.a(i) = x(i) - static_cast<S>(cells.column(i));
+      cells.b(i) = y(i) - static_cast<S>(cells.row(i));
+      const S in_x = x(i) == u(i) ? S(1) : S(0);
+      cells.has(i) = y(i) == v(i) ? in_x : S(0);
     }
   }
 
   /// Bilinear values of an image in cells.
   template <class I>
-  static void sample(const I& image, const Cells& cells, Row& value) {
+  DYNSLAM_ALWAYS_INLINE static void sample(const I& image, const Cells& cells, Row& value) {
     using Pixel = typename I::Pixel;
     if constexpr (std::unsigned_integral<Pixel> && sizeof(Pixel) == 1 &&
                   std::endian::native == std::endian::little) {
@@ -135,8 +134,8 @@ struct ResidualBlock {
     }
   }
   template <class Raw>
-  static S between(const Cells& cells, int i, Raw upper_left, Raw upper_step, Raw lower_left,
-                   Raw lower_step) {
+  DYNSLAM_ALWAYS_INLINE static S between(const Cells& cells, int i, Raw upper_left, Raw upper_step,
+                                         Raw lower_left, Raw lower_step) {
     const S upper = static_cast<S>(upper_left) + cells.a(i) * static_cast<S>(upper_step);
     const S lower = static_cast<S>(lower_left) + cells.a(i) * static_cast<S>(lower_step);
     return upper + cells.b(i) * (lower - upper);
@@ -144,18 +143,19 @@ struct ResidualBlock {
 
   /// Depth at the nearest pixel; `has` is 0 outside and where it is invalid.
   template <class D, class U>
-  static void look_up(const D& depth, const U& u, const U& v, Row& value, Row& has) {
-    const S w = S(depth.width() - 1), h = S(depth.height() - 1);
+  DYNSLAM_ALWAYS_INLINE static void look_up(const D& depth, const U& u, const U& v, Row& value, Row& has) {
+    // Places in pixels' areas, which begin at 0; truncated they are the nearest pixel.
+    const S low = std::numeric_limits<S>::min();
+    const S w = std::nextafter(S(depth.width()), S(0)), h = std::nextafter(S(depth.height()), S(0));
     Indices column, row;
     for (int i = 0; i < N; ++i) {
-      const S x = u(i) + S(0.5), y = v(i) + S(0.5);  // of the pixel's area; truncated: nearest
-      const S x0 = x > S(0) ? x : S(0), y0 = y > S(0) ? y : S(0);
+      const S x = u(i) + S(0.5), y = v(i) + S(0.5);
+      const S x0 = x > low ? x : low, y0 = y > low ? y : low;
       const S x1 = x0 < w ? x0 : w, y1 = y0 < h ? y0 : h;
       column(i) = static_cast<int>(x1);
       row(i) = static_cast<int>(y1);
-      const S left = x > S(0) ? S(1) : S(0), top = y > S(0) ? left : S(0);
-      const S right = x < w + S(1) ? top : S(0);
-      has(i) = y < h + S(1) ? right : S(0);
+      const S in_x = x1 == x ? S(1) : S(0);
+      has(i) = y1 == y ? in_x : S(0);
     }
     for (int i = 0; i < N; ++i) value(i) = static_cast<S>(depth.row(row(i))[column(i)]);
     for (int i = 0; i < N; ++i) {
@@ -166,15 +166,18 @@ struct ResidualBlock {
 };
 
 template <std::floating_point S, int N, class A, class B, class D>
-void residual_block(const Pinhole<S>& camera, const MatchRows<S>& m, std::size_t begin,
-                    const A& reference_gray, const B& gray, const D& depth, const Eigen::Matrix<S, 3, 4>& T,
-                    const StaticWeightScales<S>& scales, const DepthNoise<S>& noise, S nu,
-                    ResidualRows<S>& out) {
+DYNSLAM_ALWAYS_INLINE inline void residual_block(const Pinhole<S>& camera, const MatchRows<S>& m,
+                                                 std::size_t begin, const A& reference_gray, const B& gray,
+                                                 const D& depth, const Eigen::Matrix<S, 3, 4>& T,
+                                                 const StaticWeightScales<S>& scales,
+                                                 const DepthNoise<S>& noise, S nu, ResidualRows<S>& out) {
   using Block = ResidualBlock<S, N>;
   using Row = typename Block::Row;
   const auto in = [begin](const std::vector<S>& row) { return Eigen::Map<const Row>(row.data() + begin); };
   const auto to = [begin](std::vector<S>& row) { return Eigen::Map<Row>(row.data() + begin); };
   const auto p_x = in(m.p_x), p_y = in(m.p_y), p_z = in(m.p_z), x_m = in(m.x_m), y_m = in(m.y_m);
+  // What is calculated before it is chosen stays without branches. Quotients and roots are far from each
+  // other and beside what reads pixels, since a processor has one unit for them all.
   Row z, u, v, square;  // of the reprojection error
   for (int i = 0; i < N; ++i) {
     const S x = T(0, 0) * p_x(i) + T(0, 1) * p_y(i) + T(0, 2) * p_z(i) + T(0, 3);
@@ -186,45 +189,72 @@ void residual_block(const Pinhole<S>& camera, const MatchRows<S>& m, std::size_t
     const S du = u(i) - x_m(i), dv = v(i) - y_m(i);
     square(i) = du * du + dv * dv;
   }
+  Row front, behind;
+  for (int i = 0; i < N; ++i) {
+    front(i) = z(i) > S(1e-6) ? S(1) : S(0);
+    behind(i) = z(i) > S(1e-6) ? S(0) : std::numeric_limits<S>::infinity();
+    square(i) = z(i) > S(1e-6) ? square(i) : S(0);
+  }
+  Row d, has_d, e_d, sum;  // of the weight's denominator
+  Block::look_up(depth, x_m, y_m, d, has_d);
+  for (int i = 0; i < N; ++i) {
+    has_d(i) *= front(i);
+    e_d(i) = z(i) - d(i);
+  }
+  for (int i = 0; i < N; ++i) e_d(i) = has_d(i) > S(0) ? e_d(i) : S(0);
+  const S per_pixel = S(1) / (scales.reprojection * scales.reprojection),
+          per_grey = S(1) / scales.photometric;
+  const S sigmas = scales.depth, base = noise.base, linear = noise.linear, quad = noise.quad;
+  for (int i = 0; i < N; ++i) {
+    const S in_sigmas = e_d(i) / (sigmas * (base + z(i) * (linear + quad * z(i))));
+    sum(i) = nu + (square(i) * per_pixel + in_sigmas * in_sigmas);
+  }
   typename Block::Cells cells_ref, cells;
-  Row i_ref, i_cur, d, has_d;
+  Row i_ref, i_cur;
   Block::find_cells(reference_gray, in(m.x), in(m.y), cells_ref);
+  Row root;
+  square_roots<N>(square.data(), root.data());
+  to(out.reprojection) = root + behind;
   Block::sample(reference_gray, cells_ref, i_ref);
   Block::find_cells(gray, u, v, cells);
   Block::sample(gray, cells, i_cur);
-  Block::look_up(depth, x_m, y_m, d, has_d);
-  Row front, has_i;
+  Row has_i, e_i, weight, dimension;
   for (int i = 0; i < N; ++i) {
-    front(i) = z(i) > S(1e-6) ? S(1) : S(0);
     has_i(i) = cells_ref.has(i) * cells.has(i) * front(i);
-    has_d(i) *= front(i);
+    e_i(i) = i_ref(i) - i_cur(i);
   }
-  // What is calculated before it is chosen stays without branches.
-  Row e_i = i_ref - i_cur, e_d = z - d, e_c = square.sqrt();
+  for (int i = 0; i < N; ++i) e_i(i) = has_i(i) > S(0) ? e_i(i) : S(0);
   for (int i = 0; i < N; ++i) {
-    e_i(i) = has_i(i) > S(0) ? e_i(i) : S(0);
-    e_d(i) = has_d(i) > S(0) ? e_d(i) : S(0);
-  }
-  const Row sigma = scales.depth * (noise.base + z * (noise.linear + noise.quad * z));
-  const Row s = square * (S(1) / (scales.reprojection * scales.reprojection)) +
-                (e_i * (S(1) / scales.photometric)).square() + (e_d / sigma).square();
-  const Row dimension = S(1) + has_i + has_d;
-  Row weight = (nu + dimension) / (nu + s);
-  for (int i = 0; i < N; ++i) {
-    e_c(i) = front(i) > S(0) ? e_c(i) : std::numeric_limits<S>::infinity();
-    weight(i) = front(i) > S(0) ? weight(i) : S(0);
+    const S scaled = e_i(i) * per_grey;
+    dimension(i) = S(1) + has_i(i) + has_d(i);
+    weight(i) = front(i) * (nu + dimension(i)) / (sum(i) + scaled * scaled);
   }
   to(out.photometric) = e_i;
-  to(out.reprojection) = e_c;
   to(out.depth) = e_d;
   to(out.weight) = weight;
   to(out.dimension) = dimension;
+}
+
+template <std::floating_point S, class A, class B, class D>
+DYNSLAM_ALWAYS_INLINE inline void residual_blocks(const Pinhole<S>& camera, const MatchRows<S>& m,
+                                                  const A& reference_gray, const B& gray, const D& depth,
+                                                  const Eigen::Matrix<S, 3, 4>& T,
+                                                  const StaticWeightScales<S>& scales,
+                                                  const DepthNoise<S>& noise, S nu, ResidualRows<S>& out) {
+  constexpr int kBlock = 40;
+  const std::size_t n = m.size();
+  std::size_t k = 0;
+  for (; k < n && n >= kBlock; k += kBlock)  // the last block may overlap the one before
+    residual_block<S, kBlock>(camera, m, std::min(k, n - kBlock), reference_gray, gray, depth, T, scales,
+                              noise, nu, out);
+  for (; k < n; ++k)
+    residual_block<S, 1>(camera, m, k, reference_gray, gray, depth, T, scales, noise, nu, out);
 }
 }  // namespace detail
 
 /// Eqs (3), (5), (6) and (7) of all matches at once: photometric, reprojection and depth error and the joint
 /// weight. The same as photometric_residual, reprojection_residual, depth_residual and static_weight one by
-/// one, up to rounding, two to four times as fast; as cameras with a lens differ, for ideal pixels of a
+/// one, up to rounding, three to five times as fast; as cameras with a lens differ, for ideal pixels of a
 /// pinhole camera. static_weights() takes any camera and any image, one by one: of its time, most of which
 /// finds F and H, the batch would save a fiftieth.
 /// @param scales  those of the depth in standard deviations of `noise` at the point's depth
@@ -239,17 +269,11 @@ void residual_batch(const Pinhole<S>& camera, const MatchRows<S>& matches, const
   DYNSLAM_ASSERT(gray.width() > 1 && gray.height() > 1 && reference_gray.width() > 1 &&
                      reference_gray.height() > 1 && depth.width() > 0 && depth.height() > 0,
                  "an image needs two pixels in each direction");
-  const std::size_t n = matches.size();
-  out.resize(n);
+  out.resize(matches.size());
   Eigen::Matrix<S, 3, 4> T;
   T << T_cur_ref.rotation_matrix(), T_cur_ref.translation();
-  constexpr int kBlock = 32;
-  std::size_t k = 0;
-  for (; k < n && n >= kBlock; k += kBlock)  // the last block may overlap the one before
-    detail::residual_block<S, kBlock>(camera, matches, std::min(k, n - kBlock), reference_gray, gray, depth,
-                                      T, scales, noise, nu, out);
-  for (; k < n; ++k)
-    detail::residual_block<S, 1>(camera, matches, k, reference_gray, gray, depth, T, scales, noise, nu, out);
+  detail::with_wide_vectors([](auto&... args) DYNSLAM_ALWAYS_INLINE { detail::residual_blocks(args...); },
+                            camera, matches, reference_gray, gray, depth, T, scales, noise, nu, out);
 }
 
 }  // namespace dynslam
