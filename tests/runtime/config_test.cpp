@@ -168,7 +168,7 @@ TEST_CASE("additions that a list does not name are left out") {
   REQUIRE(a);
   CHECK(a->second_look);
   CHECK_FALSE((a->surface_weights || a->motion_prior || a->strict_local_map || a->proven_points ||
-               a->image_alignment || a->look_around));
+               a->image_alignment || a->look_around || a->doubted_points));
 }
 
 TEST_CASE("what TOML allows on one line is understood") {

@@ -308,3 +308,43 @@ TEST_CASE(
   CHECK(error(usual.young_frames, 1) > 0.05);      // asked of no pose
   CHECK(error(usual.young_frames, 0) < 0.005);     // of every pose
 }
+
+TEST_CASE("a lost camera is not found beside a board that stood in the first frame and was carried away") {
+  const test::TemporaryFolder folder;
+  SynthOptions scene;
+  scene.scenario = "board";
+  scene.path = "static";
+  scene.seed = 3;
+  scene.frames = 24;
+  synthesize(scene, folder.path);
+  const Sequence sequence = load_sequence(folder.path);
+  const CameraConfig camera = load_camera(sequence.camera_hint);
+  // The room is out of sight for a while, and then there is nothing but the board.
+  constexpr std::size_t kDark = 15, kBoard = 20;
+  const auto found_again = [&](bool doubted_points) {
+    TrackerOptions o = options(DynamicsMode::geometric);
+    o.additions = additions(o.method, o.dynamics);
+    o.additions->doubted_points = doubted_points;
+    Tracker tracker(camera, o);
+    int found = 0;
+    for (std::size_t i = 0; i < sequence.frames.size(); ++i) {
+      RgbdFrame frame = decode_frame(sequence.frames[i], i, camera);
+      const cv::Mat board =
+          cv::imread((folder.path / "dynamic_mask" / (sequence.frames[i].stamp + ".png")).string(),
+                     cv::IMREAD_UNCHANGED);
+      REQUIRE(!board.empty());
+      if (i >= kDark) {
+        const cv::Mat hidden =
+            i < kBoard ? cv::Mat(board.size(), CV_8UC1, cv::Scalar(255)) : cv::Mat(board == 0);
+        frame.gray.setTo(40, hidden);
+        frame.depth.setTo(std::numeric_limits<double>::quiet_NaN(), hidden);
+      }
+      const TrackResult r = tracker.track(frame, std::nullopt);
+      if (i < kDark) CHECK(r.ok());
+      found += i >= kBoard && r.ok() ? 1 : 0;
+    }
+    return found;
+  };
+  CHECK(found_again(false) > 0);
+  CHECK(found_again(true) == 0);
+}

@@ -88,7 +88,7 @@ TEST_CASE("the paper's method takes none of the additions, and none is the same 
        {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both}) {
     const Additions a = additions(Method::paper, mode);
     CHECK_FALSE((a.surface_weights || a.motion_prior || a.strict_local_map || a.proven_points));
-    CHECK_FALSE((a.second_look || a.image_alignment || a.look_around));
+    CHECK_FALSE((a.second_look || a.image_alignment || a.look_around || a.doubted_points));
   }
   CHECK_FALSE(additions(Method::full, DynamicsMode::none).surface_weights);
   CHECK(additions(Method::full, DynamicsMode::semantic).surface_weights);

@@ -16,7 +16,7 @@
 namespace dynslam::runtime {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, bool Additions::*>, 7> kAdditions{{
+constexpr std::array<std::pair<std::string_view, bool Additions::*>, 8> kAdditions{{
     {"surface_weights", &Additions::surface_weights},
     {"motion_prior", &Additions::motion_prior},
     {"strict_local_map", &Additions::strict_local_map},
@@ -24,6 +24,7 @@ constexpr std::array<std::pair<std::string_view, bool Additions::*>, 7> kAdditio
     {"second_look", &Additions::second_look},
     {"image_alignment", &Additions::image_alignment},
     {"look_around", &Additions::look_around},
+    {"doubted_points", &Additions::doubted_points},
 }};
 constexpr std::string_view kAuto = "auto";
 

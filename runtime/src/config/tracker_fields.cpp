@@ -18,7 +18,8 @@ void list(FieldList& f, TrackerOptions& o) {
     "\"auto\"), "
     "second_look (where the map in view does not tell the pose, the last frame enters it whole), "
     "image_alignment (where few features lead from the last frame, its grey values are another start), "
-    "look_around (where far fewer points fit than usually, poses beside the one found are tried); "
+    "look_around (where far fewer points fit than usually, poses beside the one found are tried), "
+    "doubted_points (points of the map that stand where a mover is are doubted; needs geometric masks); "
     "\"auto\": by method and mode");
   f.table("features", o.features);
   f.table("depth_noise", o.depth_noise);
@@ -29,6 +30,9 @@ void list(FieldList& f, TrackerOptions& o) {
   f("vanished_piece", o.vanished_piece, "",
     "width of a piece of the last frame's mask that is gone, as a share of the image's, in which no points "
     "are made",
+    kShare);
+  f("behind_mover", o.behind_mover, "",
+    "share of its distance by which a point of the map may lie behind a mover's surface to be doubted",
     kShare);
   f("bundle", o.bundle, "", "adjust the newest keyframes and their points (bundle adjustment)");
   f("bundle_delay", o.bundle_delay, "frames",

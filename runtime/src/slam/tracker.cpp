@@ -102,6 +102,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   if (uses_geometry(options_.dynamics)) {
     find_movers(now);
     pose_without_movers(now);
+    doubt_points_on_movers(now);
     doubt_recent_movers(now);
   }
   accept(now);

@@ -2,6 +2,7 @@
 // What moves, or may move, and what of it the tracker believes.
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <utility>
@@ -187,6 +188,20 @@ void Tracker::pose_without_movers(Present& now) {
     const Feature& f = frame.features[i];
     frame.dynamic[i] = masks[0][i] != 0 && frame.point[i] < 0 && !geometry_.verified_static(f.u, f.v) ? 1 : 0;
   }
+}
+
+/// What a mover showed before it was known to move is in the map, and there it stays where it was: the
+/// camera, once lost, would be found beside it when it is back. No wall can be where a mover is or in front
+/// of it: a point that is expected there, and is not seen, went with it.
+void Tracker::doubt_points_on_movers(Present& now) {
+  if (!additions_.doubted_points || cv::countNonZero(now.moving) == 0) return;
+  const auto moving = interop::view<const std::uint8_t>(std::as_const(now.moving));
+  matcher_.unmatched_in_view(map_, now.T_c_w, now.frame, [&](int id, const auto& pixel, double z) {
+    const int u = static_cast<int>(std::lround(pixel.x())), v = static_cast<int>(std::lround(pixel.y()));
+    if (u < 0 || v < 0 || u >= moving.width() || v >= moving.height() || moving(u, v) == 0) return;
+    const double there = static_cast<double>(now.depth(u, v));
+    if (is_valid_depth(there) && z <= there * (1 + options_.behind_mover)) ++map_.point(id).on_mover;
+  });
 }
 
 /// A mask may break down for a frame. A keyframe of just then would take the mover for the room, as points

@@ -41,6 +41,7 @@ struct Additions {
   bool second_look = true;  ///< where the map in view does not tell the pose, the last frame enters it whole
   bool image_alignment = true;  ///< where few features lead from the last frame, its grey values are a start
   bool look_around = true;  ///< where far fewer points fit than usually, poses beside the one found are tried
+  bool doubted_points = true;  ///< points of the map that stand where a mover is are doubted; geometric masks
 };
 
 /// What a run of a method and mode takes: nothing with the paper's, and with `none`, which is the baseline.
@@ -49,7 +50,7 @@ struct Additions {
 [[nodiscard]] constexpr Additions additions(Method method, DynamicsMode mode) {
   const bool full = method == Method::full, geometry = full && uses_geometry(mode);
   const bool masked = full && mode != DynamicsMode::none;
-  return {masked, masked, geometry, false, masked, masked, masked};
+  return {masked, masked, geometry, false, masked, masked, masked, geometry};
 }
 
 }  // namespace dynslam::runtime

@@ -112,6 +112,7 @@ class Tracker {
   void give_back_resting(Present& now);
   void find_standing(const Present& now);
   void pose_without_movers(Present& now);
+  void doubt_points_on_movers(Present& now);
   void doubt_recent_movers(Present& now);
   void accept(Present& now);
   /// Keeps a frame that was lost, for recover().

@@ -84,6 +84,7 @@ struct TrackerOptions {
   int semantic_dilation = 9;     ///< pixels added around a-priori masks
   double vanished_piece = 0.04;  ///< of the last frame's mask that is gone, as a share of the image's width,
                                  ///< in which no points are made
+  double behind_mover = 0.05;    ///< of its distance: how far behind a mover's surface a point is doubted
   int feature_margin = 6;        ///< pixels around the fused mask in which features are not used
   bool bundle = true;            ///< adjust the newest keyframes and their points
   int bundle_delay = 4;          ///< frames after which the adjustment's result is waited for and used
