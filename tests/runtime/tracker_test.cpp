@@ -8,6 +8,7 @@
 #include <cstring>
 #include <limits>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -235,9 +236,8 @@ TEST_CASE(
   const auto now_and_then = [&](std::size_t i) { return i % 3 == 1 ? std::optional(cover) : std::nullopt; };
   for (const DynamicsMode mode : {DynamicsMode::both, DynamicsMode::semantic}) {
     const auto always = run(mode, [&](std::size_t) { return std::optional(cover); });
-    CHECK(always.second == kWalkFrames);
+    CHECK(always.second > 0);  // in the first frame there is no other way
     const auto sometimes = run(mode, now_and_then);
-    CHECK(sometimes.second >= kWalkFrames / 3);
     if (mode == DynamicsMode::semantic) continue;  // people walk here, and nothing else tells of them
     for (const auto& found : {always, sometimes})
       CHECK((found.first.translation() - geometric.first.translation()).norm() < 0.01);
@@ -347,4 +347,43 @@ TEST_CASE("a lost camera is not found beside a board that stood in the first fra
   };
   CHECK(found_again(false) > 0);
   CHECK(found_again(true) == 0);
+}
+
+TEST_CASE("a mask that leaves next to nothing is believed where that tells where the camera is") {
+  const test::TemporaryFolder folder;
+  SynthOptions scene;
+  scene.scenario = "board";
+  scene.path = "static";
+  scene.seed = 3;
+  scene.frames = 30;
+  synthesize(scene, folder.path);
+  const Sequence sequence = load_sequence(folder.path);
+  const CameraConfig camera = load_camera(sequence.camera_hint);
+  // Somebody carries a board past, and all but a strip of the room is a blur: the board has nearly all
+  // features.
+  constexpr std::size_t kBlurred = 8;
+  const cv::Rect open(0, 0, 60, 480);
+  Tracker tracker(camera, options(DynamicsMode::semantic));
+  TrackResult last;
+  int covered = 0;
+  for (std::size_t i = 0; i < sequence.frames.size(); ++i) {
+    RgbdFrame frame = decode_frame(sequence.frames[i], i, camera);
+    Masks masks;
+    masks.dynamic = cv::imread((folder.path / "dynamic_mask" / (sequence.frames[i].stamp + ".png")).string(),
+                               cv::IMREAD_UNCHANGED);
+    REQUIRE(!masks.dynamic.empty());
+    if (i >= kBlurred) {
+      cv::Mat without, blurred, room = masks.dynamic == 0;
+      cv::dilate(masks.dynamic, without, cv::Mat(), {-1, -1}, 3);
+      room.setTo(0, without);
+      room(open).setTo(0);
+      cv::GaussianBlur(frame.gray, blurred, {0, 0}, 8);
+      blurred.copyTo(frame.gray, room);
+    }
+    last = tracker.track(frame, masks);
+    CHECK(last.ok());
+    covered += last.mask_rejected == MaskVerdict::covers_view ? 1 : 0;
+  }
+  CHECK(covered == 0);
+  CHECK(last.T_w_c.translation().norm() < 0.01);  // the camera stands
 }

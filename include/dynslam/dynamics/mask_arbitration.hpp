@@ -18,7 +18,7 @@ namespace dynslam {
 /// Whether a mask of what moves is believed where a pose is estimated, and why not.
 enum class MaskVerdict : std::uint8_t {
   kept,
-  covers_view,  ///< it leaves so little of the view that it is no evidence of anything
+  covers_view,  ///< it leaves next to nothing, which tells less of where the camera is than all does
   starved,      ///< what it leaves does not make a pose, what it covers does
   one_motion    ///< what it covers moves as the room does, and without it the pose is far less certain
 };
@@ -33,10 +33,10 @@ inline constexpr std::array<std::string_view, 4> kMaskVerdictNames{"kept", "cove
 /// When a mask is put to the test, and what it takes to drop it.
 template <std::floating_point S>
 struct MaskArbitrationOptions {
-  S min_left = S(0.2);    ///< share of the features that a mask has to leave
-  int min_inliers = 25;   ///< that make a pose
-  S doubt = S(0.6);       ///< share of the matches that fit, below which a mask is put to the test
-  S max_loss = S(1.5);    ///< growth of the pose's standard deviation that is accepted without a reason
+  S min_left = S(0.2);   ///< share of the features that a mask has to leave, or it is put to the test at once
+  int min_inliers = 25;  ///< that make a pose
+  S doubt = S(0.6);      ///< share of the matches that fit, below which a mask is put to the test
+  S max_loss = S(1.5);   ///< growth of the pose's standard deviation that is accepted without a reason
   S max_chi2 = S(12.59);  ///< 95 % of chi-square with 6 degrees of freedom: one and the same pose
   int young = 8;          ///< frames in which a point was in view, below which it cannot tell of one motion
   // Errors of the map that all matches share, and no covariance of independent ones knows [m, rad].

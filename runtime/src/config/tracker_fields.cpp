@@ -156,7 +156,8 @@ void list(FieldList& f, RestingOptions<double>& o) {
 }
 
 void list(FieldList& f, MaskArbitrationOptions<double>& o) {
-  f("min_left", o.min_left, "", "share of the features that a mask has to leave", kShare);
+  f("min_left", o.min_left, "", "share of the features below which a mask is put to the test at once",
+    kShare);
   f("min_inliers", o.min_inliers, "", "inliers that make a pose", from(4));
   f("doubt", o.doubt, "", "share of matching features below which a mask is put to the test", kShare);
   f("max_loss", o.max_loss, "", "growth of the pose's standard deviation that is accepted without a reason",

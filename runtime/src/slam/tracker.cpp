@@ -74,7 +74,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   }
 
   now.result.state = TrackingState::tracked;
-  bool located = locate(now) || (disbelieve_prior(now, MaskVerdict::starved) && locate(now));
+  bool located = locate_with_prior(now);
   if (located) look_behind(now);
   if (located && begin_again(now)) {
     located = locate(now);
@@ -153,6 +153,7 @@ void Tracker::start_map(Present& now) {
   const auto enough = [&] {
     return unmasked_with_depth(now.frame.features, now.frame.dynamic) >= options_.initial_features;
   };
+  if (now.covers_view) disbelieve_prior(now, MaskVerdict::covers_view);
   if (!enough() && !(disbelieve_prior(now, MaskVerdict::starved) && enough())) return;
   if (uses_geometry(options_.dynamics))  // for its images: nothing is there yet to compare them with
     geometry_.segment(interop::view<const std::uint8_t>(now.input.gray), now.depth, SE3<double>());
@@ -168,6 +169,18 @@ void Tracker::start_map(Present& now) {
   remember_last(now);
 }
 
+/// Forgets what was matched and how the camera was found to move.
+void Tracker::start_again(Present& now) {
+  matcher_.clear(now.frame);
+  set_motion(now, velocity_);
+  now.turn.setZero();
+  place_features(now);
+}
+
+SE3<double> Tracker::predicted_pose() const {
+  return SE3<double>::exp(velocity_.log() * (lost_frames_ + 1)) * last_.T_c_w;
+}
+
 bool Tracker::locate(Present& now) {
   return locate_by_features(now) || (!now.plain && locate_by_alignment(now, options_.search.min_inliers));
 }
@@ -175,7 +188,7 @@ bool Tracker::locate(Present& now) {
 bool Tracker::locate_by_features(Present& now) {
   const PoseSearchOptions& o = options_.search;
   if (lost_frames_ >= o.coasting_frames) return false;
-  const SE3<double> predicted = SE3<double>::exp(velocity_.log() * (lost_frames_ + 1)) * last_.T_c_w;
+  const SE3<double> predicted = predicted_pose();
   // The best of the weak starts is taken, the one by the last frame's grey values among them.
   std::optional<Attempt> best;
   for (const float radius : {o.near_radius, o.far_radius}) {
@@ -266,7 +279,10 @@ bool Tracker::locate_by_alignment(Present& now, int wanted) {
 bool Tracker::prove_on_local_map(Present& now, int wanted) {
   place_again(now);
   matcher_.match_local(map_, now.T_c_w, now.image->pyramid, now.depth, now.frame);
+  // Patches are found beside the corners that were flagged. Where a mask leaves next to nothing they would be
+  // all that there is; elsewhere they may serve, few as they are.
   if (!now.left_out.empty()) flag(now.frame, now.left_out, now.frame.dynamic);
+  if (now.covers_view && !now.semantic.empty()) flag(now.frame, now.semantic, now.frame.dynamic);
   if (additions_.strict_local_map && !now.plain) {
     // The pose is good to a fraction of a pixel already. What is farther off moves, and were it let in, a
     // robust kernel would give it its share.

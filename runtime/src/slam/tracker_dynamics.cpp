@@ -41,9 +41,8 @@ void Tracker::mask_a_priori(Present& now, const std::optional<Masks>& prior) con
   flag(now.frame, now.semantic, now.frame.dynamic);
   // The margin keeps features off a mover's rim; the mask that is handed on is the object itself.
   now.result.dynamic_mask = prior->dynamic.clone();
-  if (unmasked_share<double>(now.frame.dynamic) < options_.arbitration.min_left) {
-    disbelieve_prior(now, MaskVerdict::covers_view);
-  } else if (!standing_.empty()) {
+  now.covers_view = unmasked_share<double>(now.frame.dynamic) < options_.arbitration.min_left;
+  if (!now.covers_view && !standing_.empty()) {
     now.semantic.setTo(0, standing_);
     std::fill(now.frame.dynamic.begin(), now.frame.dynamic.end(), 0);
     flag(now.frame, now.semantic, now.frame.dynamic);
@@ -57,6 +56,47 @@ bool Tracker::disbelieve_prior(Present& now, MaskVerdict why) {
   std::fill(now.frame.dynamic.begin(), now.frame.dynamic.end(), 0);
   now.result.mask_rejected = why;
   return true;
+}
+
+/// A mask that leaves little is wrong, or somebody stands right before the camera. What it leaves and all
+/// that there is are asked where the camera is, then. The mask goes where it leaves no pose, or hides much
+/// that moves as the rest does; and where what it leaves has led farther from where the camera was going.
+bool Tracker::locate_with_prior(Present& now) {
+  const PoseSearchOptions& o = options_.search;
+  const bool solid = locate(now);
+  if (now.semantic.empty() || (solid && !now.covers_view)) return solid;
+  bool by_rest = solid;
+  if (!solid) {
+    start_again(now);
+    by_rest = locate_by_alignment(now, o.weak_inliers);
+  }
+  const Attempt rest = attempt(now);
+  const cv::Mat semantic = now.semantic;
+  disbelieve_prior(now, now.covers_view ? MaskVerdict::covers_view : MaskVerdict::starved);
+  start_again(now);
+  const bool by_all = locate(now);
+  if (!by_rest || (by_all && leads_farther(rest, attempt(now), solid ? 2 : 1))) return by_all;
+  take_back(now, rest);
+  now.semantic = semantic;
+  return true;
+}
+
+/// Whether a pose agrees with a far more certain one, or is `times` as far from the predicted pose.
+bool Tracker::leads_farther(const Attempt& rest, const Attempt& all, double times) const {
+  const auto pose = [](const Attempt& found) {
+    PoseResult<double> p;
+    p.T_c_w = found.T_c_w;
+    p.covariance = found.result.covariance;
+    p.inliers = found.result.inliers;
+    p.status = PoseStatus::converged;
+    return p;
+  };
+  MaskArbitrationOptions<double> options = options_.arbitration;
+  options.min_inliers = options_.search.weak_inliers;
+  if (arbitrate_mask(pose(rest), pose(all), options) != MaskVerdict::kept) return true;
+  const SE3<double> T_predicted_w = predicted_pose();
+  const auto off = [&](const Attempt& found) { return (found.T_c_w * T_predicted_w.inverse()).log().norm(); };
+  return off(rest) > times * off(all);
 }
 
 /// In the first frames nothing was seen to move yet, and a mover that has most of the features passes for the

@@ -36,6 +36,7 @@ struct Tracker::Present {
   bool plain = false;            // located without what the method adds
   const Masks* prior = nullptr;  // where it is used
   cv::Mat semantic;              // a-priori mask with its margin; empty: none that is believed
+  bool covers_view = false;      // it leaves next to nothing
   cv::Mat moving;                // what the geometry found, in the depth image
   cv::Mat moving_widened;        // with its margin
   cv::Mat covering;              // and in either image, which is handed on; empty: it is not believed

@@ -105,6 +105,10 @@ class Tracker {
   /// The same, again and again for as long as more points fit.
   bool settle_on_local_map(Present& now, int wanted);
   bool look_around(Present& now);
+  bool locate_with_prior(Present& now);
+  [[nodiscard]] bool leads_farther(const Attempt& rest, const Attempt& all, double times) const;
+  void start_again(Present& now);
+  [[nodiscard]] SE3<double> predicted_pose() const;
   [[nodiscard]] int old_matches(const Frame& frame) const;
   [[nodiscard]] double depth_of_matches(const Present& now) const;
   bool relocalise(Present& now);
