@@ -2,8 +2,9 @@
 # cmake -D ROOT=<repository> -P cmake/include_scan.cmake
 #
 # Checks what the headers below ROOT/include/dynslam include:
-#  - core headers: the C++ standard library (but not its streams, files and threads), Eigen and the core;
-#  - inside the core in one direction: config <- concepts <- image, geometry, robust <- the other folders;
+#  - core headers: the C++ standard library (but not its streams, files and threads), Eigen and the core; and
+#    wide_vectors.hpp alone the compiler's vector instructions;
+#  - inside the core in one direction: config and wide_vectors <- concepts <- image, geometry, robust <- the other folders;
 #  - interop headers: the core and one library, never the runtime;
 #  - the umbrella header dynslam.hpp: every header of the core.
 # Each fault is one line, FILE:LINE: reason. With EXPECT_FAULTS=n exactly n faults are a success.
@@ -19,7 +20,7 @@ set(std_headers
 
 # The layer of a header given by its path below include/dynslam/.
 function(layer path out)
-  if(path MATCHES "^config\\.hpp$")
+  if(path MATCHES "^(config|wide_vectors)\\.hpp$")
     set(${out} 0 PARENT_SCOPE)
   elseif(path MATCHES "^concepts/")
     set(${out} 1 PARENT_SCOPE)
@@ -70,6 +71,7 @@ foreach(header IN LISTS headers)
       endif()
     elseif(included MATCHES "^(Eigen|unsupported/Eigen)/" OR included IN_LIST std_headers)
     elseif(interop AND included MATCHES "^(opencv2|octomap)/")
+    elseif(self STREQUAL "wide_vectors.hpp" AND included STREQUAL "immintrin.h")
     else()
       set(reason "not std, Eigen or the core of dynslam, or a part of std that the core does not use")
     endif()
