@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 
 #include "dynslam/dynamics/residuals.hpp"
 #include "dynslam/image/image.hpp"
@@ -13,27 +14,48 @@
 
 using namespace dynslam;
 
+namespace {
+
+/// Two images of noise, depth with holes, and matches of which some are outside or behind the camera.
+template <class S>
+struct NoisyView {
+  test::Rng rng{"residual batch"};
+  Pinhole<S> camera{S(60), S(62), S(40), S(30)};
+  Image<std::uint8_t> before{80, 60}, now{80, 60};
+  Image<float> depth{80, 60};
+  SE3<S> T;
+  StaticWeightScales<S> scales{S(8), S(1), S(2)};
+  DepthNoise<S> noise;
+
+  NoisyView() {
+    for (int i = 0; i < 80 * 60; ++i) {
+      before.data()[i] = static_cast<std::uint8_t>(rng.integer(0, 255));
+      now.data()[i] = static_cast<std::uint8_t>(rng.integer(0, 255));
+      depth.data()[i] =
+          rng.chance(0.2) ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(rng.uniform(0.5, 4));
+    }
+    Eigen::Matrix<S, 6, 1> xi;
+    xi << S(0.05), S(-0.02), S(0.03), S(0.02), S(0.04), S(-0.03);
+    T = SE3<S>::exp(xi);
+  }
+
+  [[nodiscard]] MatchRows<S> matches(int n) {
+    MatchRows<S> rows;
+    for (int k = 0; k < n; ++k)
+      rows.push_back({S(rng.uniform(-5, 85)), S(rng.uniform(-5, 65))},
+                     {S(rng.uniform(-2, 2)), S(rng.uniform(-2, 2)), S(k % 10 == 0 ? -1 : rng.uniform(1, 4))},
+                     {S(rng.uniform(-5, 85)), S(rng.uniform(-5, 65))});
+    return rows;
+  }
+};
+
+}  // namespace
+
 TEST_CASE_TEMPLATE("errors and weights of many matches are those of each one, outside and behind, too", S,
                    float, double) {
-  test::Rng rng("residual batch");
-  const Pinhole<S> camera(S(60), S(62), S(40), S(30));
-  Image<std::uint8_t> before(80, 60), now(80, 60);
-  Image<float> depth(80, 60);
-  for (int i = 0; i < 80 * 60; ++i) {
-    before.data()[i] = static_cast<std::uint8_t>(rng.integer(0, 255));
-    now.data()[i] = static_cast<std::uint8_t>(rng.integer(0, 255));
-    depth.data()[i] = rng.chance(0.2) ? std::numeric_limits<float>::quiet_NaN() : float(rng.uniform(0.5, 4));
-  }
-  Eigen::Matrix<S, 6, 1> xi;
-  xi << S(0.05), S(-0.02), S(0.03), S(0.02), S(0.04), S(-0.03);
-  const SE3<S> T = SE3<S>::exp(xi);
-  MatchRows<S> rows;
-  for (int k = 0; k < 150; ++k)
-    rows.push_back({S(rng.uniform(-5, 85)), S(rng.uniform(-5, 65))},
-                   {S(rng.uniform(-2, 2)), S(rng.uniform(-2, 2)), S(k % 10 == 0 ? -1 : rng.uniform(1, 4))},
-                   {S(rng.uniform(-5, 85)), S(rng.uniform(-5, 65))});
-  const StaticWeightScales<S> scales{S(8), S(1), S(2)};
-  const DepthNoise<S> noise;
+  NoisyView<S> view;
+  const auto& [rng, camera, before, now, depth, T, scales, noise] = view;
+  const MatchRows<S> rows = view.matches(150);
   ResidualRows<S> out;
   residual_batch<S>(camera, rows, before, now, depth, T, scales, noise, S(5), out);
   for (std::size_t k = 0; k < rows.size(); ++k) {
@@ -56,6 +78,9 @@ TEST_CASE_TEMPLATE("errors and weights of many matches are those of each one, ou
     const StaticWeightScales<S> here{scales.photometric, scales.reprojection,
                                      scales.depth * noise.sigma(p.z())};
     CHECK(out.dimension[k] == S(r.dimension()));
+    CHECK(
+        out.reprojection[k] ==
+        doctest::Approx(static_cast<double>(r.reprojection)).epsilon(std::is_same_v<S, float> ? 1e-4 : 1e-9));
     CHECK(std::abs(out.photometric[k] - r.photometric) < S(0.05));
     CHECK(std::abs(out.depth[k] - r.depth) < S(1e-4));
     CHECK(out.weight[k] ==
@@ -94,28 +119,12 @@ TEST_CASE_TEMPLATE("wide vectors give the bits of narrow ones, in blocks and one
     MESSAGE("skipped: no wider vectors than those of the compiler");
     return;
   }
-  test::Rng rng("residual batch of wide vectors");
-  const Pinhole<S> camera(S(60), S(62), S(40), S(30));
-  Image<std::uint8_t> before(80, 60), now(80, 60);
-  Image<float> depth(80, 60);
-  for (int i = 0; i < 80 * 60; ++i) {
-    before.data()[i] = static_cast<std::uint8_t>(rng.integer(0, 255));
-    now.data()[i] = static_cast<std::uint8_t>(rng.integer(0, 255));
-    depth.data()[i] = rng.chance(0.2) ? -1.0F : static_cast<float>(rng.uniform(0.5, 4));
-  }
-  Eigen::Matrix<S, 6, 1> xi;
-  xi << S(0.05), S(-0.02), S(0.03), S(0.02), S(0.04), S(-0.03);
-  const SE3<S> pose = SE3<S>::exp(xi);
+  NoisyView<S> view;
+  const auto& [rng, camera, before, now, depth, pose, scales, noise] = view;
   Eigen::Matrix<S, 3, 4> T;
   T << pose.rotation_matrix(), pose.translation();
-  const StaticWeightScales<S> scales{S(8), S(1), S(2)};
-  const DepthNoise<S> noise;
   for (const int n : {13, 150}) {
-    MatchRows<S> rows;
-    for (int k = 0; k < n; ++k)
-      rows.push_back({S(rng.uniform(-5, 85)), S(rng.uniform(-5, 65))},
-                     {S(rng.uniform(-2, 2)), S(rng.uniform(-2, 2)), S(k % 10 == 0 ? -1 : rng.uniform(1, 4))},
-                     {S(rng.uniform(-5, 85)), S(rng.uniform(-5, 65))});
+    const MatchRows<S> rows = view.matches(n);
     ResidualRows<S> wide, narrow;
     residual_batch<S>(camera, rows, before, now, depth, pose, scales, noise, S(5), wide);
     narrow.resize(rows.size());

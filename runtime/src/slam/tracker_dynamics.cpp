@@ -238,7 +238,7 @@ void Tracker::doubt_points_on_movers(Present& now) {
   const auto moving = interop::view<const std::uint8_t>(std::as_const(now.moving));
   matcher_.unmatched_in_view(map_, now.T_c_w, now.frame, [&](int id, const auto& pixel, double z) {
     const int u = static_cast<int>(std::lround(pixel.x())), v = static_cast<int>(std::lround(pixel.y()));
-    if (u < 0 || v < 0 || u >= moving.width() || v >= moving.height() || moving(u, v) == 0) return;
+    if (!moving.contains(u, v) || moving(u, v) == 0) return;
     const double there = static_cast<double>(now.depth(u, v));
     if (is_valid_depth(there) && z <= there * (1 + options_.behind_mover)) ++map_.point(id).on_mover;
   });
