@@ -120,6 +120,8 @@ void list(FieldList& f, PoseSearchOptions& o) {
     "how far beside where the motion on both sides leads such a pose may be, by the time to the nearest one "
     "that is known",
     kPositive);
+  f("recovered_inliers", o.recovered_inliers, "points", "matches that such a pose takes",
+    between(4, 1000000));
   f("longest_delay", o.longest_delay, "s",
     "longest delay of a depth image over which the velocity is trusted", kNotNegative);
   f("young_frames", o.young_frames, "frames",

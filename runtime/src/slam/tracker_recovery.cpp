@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What a loss leaves behind: once the camera is known on both sides of it, its frames are looked for again.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -63,11 +64,16 @@ void Tracker::recover(Present& now) {
     const std::size_t before = around.size();
     for (std::ptrdiff_t k = i + 1; k <= n && around.size() < before + kEachSide; ++k)
       if (const auto pose = known(k)) around.push_back(*pose);
+    if (before > 1) std::swap(around[1], around[before]);  // the nearest of either side come first
     locate_again(lost[static_cast<std::size_t>(i)], around);
   };
-  // From the end, where the map has what came into view meanwhile; then each between its neighbours.
-  for (std::ptrdiff_t i = n; i-- > 0;) visit(i);
-  for (std::ptrdiff_t i = 0; i < n; ++i) visit(i);
+  // From the end, where the map has what came into view meanwhile; then each between its neighbours. What is
+  // found leads to more.
+  constexpr int kRounds = 2;
+  for (int round = 0; round < kRounds; ++round) {
+    for (std::ptrdiff_t i = n; i-- > 0;) visit(i);
+    for (std::ptrdiff_t i = 0; i < n; ++i) visit(i);
+  }
 
   const SE3<double> T_reference_w = map_.pose(now.result.reference);
   for (const Lost& l : lost) {
@@ -91,16 +97,20 @@ void Tracker::recover(Present& now) {
   }
 }
 
+/// @param around  known poses, the nearest before it and the nearest after it first
 void Tracker::locate_again(Lost& lost, std::span<const TimedPose<double>> around) {
   const PoseSearchOptions& o = options_.search;
-  const SE3<double> expected = pose_between<double>(around, lost.t);
+  // In a jerk a line is far off. Over a long loss two poses that lie close together tell nothing of the
+  // velocity, and the curve through them runs away.
+  const std::array<SE3<double>, 2> expected{pose_between<double>(around, lost.t),
+                                            pose_between<double>(around.first(2), lost.t)};
   double nearest = around.front().t;
   for (const auto& pose : around)
     if (std::abs(pose.t - lost.t) < std::abs(nearest - lost.t)) nearest = pose.t;
   // How it moved meanwhile places the rows, and the depth image.
   constexpr double kStep = 1e-3;  // [s]
   const SE3<double>::Vector6 speed =
-      (pose_between<double>(around, lost.t + kStep) * expected.inverse()).log() / kStep;
+      (pose_between<double>(around, lost.t + kStep) * expected.front().inverse()).log() / kStep;
   const bool delayed = lost.depth_delay != 0 && std::abs(lost.depth_delay) < o.longest_delay;
   FeaturePlacer<decltype(CameraConfig::model)>& placer = matcher_.placer();
   placer.set_depth_motion(delayed ? std::optional(SE3<double>::exp(speed * lost.depth_delay)) : std::nullopt);
@@ -114,8 +124,15 @@ void Tracker::locate_again(Lost& lost, std::span<const TimedPose<double>> around
   matcher_.begin(frame);
   placer.place(std::span<Feature>(frame.features), depth);
   const double reach = o.recovered_speed * std::abs(lost.t - nearest);
+  const auto led_to = [&](const SE3<double>& T_c_w) {
+    return std::any_of(expected.begin(), expected.end(), [&](const SE3<double>& there) {
+      const SE3<double> beside = T_c_w * there.inverse();
+      return beside.translation().norm() <= reach && beside.so3().log().norm() <= reach;
+    });
+  };
+  std::optional<PoseResult<double>> best;
   // @param near  it is the pose to within pixels
-  const auto look_from = [&](const SE3<double>& start, bool near) -> std::optional<PoseResult<double>> {
+  const auto look_from = [&](const SE3<double>& start, bool near) {
     constexpr int kLooks = 4;
     PoseResult<double> pose;
     pose.T_c_w = start;
@@ -127,15 +144,14 @@ void Tracker::locate_again(Lost& lost, std::span<const TimedPose<double>> around
       if (pose.inliers < o.weak_inliers || (look > 0 && pose.inliers <= before)) break;
     }
     matcher_.clear(frame);
-    const SE3<double> beside = pose.T_c_w * expected.inverse();
-    const bool found = pose.inliers >= 2 * o.weak_inliers && beside.translation().norm() <= reach &&
-                       beside.so3().log().norm() <= reach;
-    return found ? std::optional(pose) : std::nullopt;
+    if (pose.inliers < o.recovered_inliers || !led_to(pose.T_c_w)) return;
+    if (!best || pose.inliers > best->inliers) best = pose;
   };
-  // A pose that it has already is the better start.
-  std::optional<PoseResult<double>> pose = lost.pose ? look_from(lost.pose->T_c_w, true) : std::nullopt;
-  if (!pose) pose = look_from(expected, false);
-  lost.pose = std::move(pose);
+  if (lost.pose) look_from(lost.pose->T_c_w, true);
+  for (const SE3<double>& there : expected) {
+    if (!best || best->inliers < o.sure_inliers) look_from(there, false);
+  }
+  lost.pose = std::move(best);
 }
 
 }  // namespace dynslam::runtime

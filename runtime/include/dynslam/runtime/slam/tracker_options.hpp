@@ -58,6 +58,7 @@ struct PoseSearchOptions {
   /// How far beside where the motion on both sides leads such a pose may be, by the time to the nearest one
   /// that is known [m/s, rad/s].
   double recovered_speed = 0.5;
+  int recovered_inliers = 12;   ///< of such a pose: fewer than without that bound, for it says most already
   double longest_delay = 0.05;  ///< of a depth image, over which the velocity is trusted [s]
 };
 
