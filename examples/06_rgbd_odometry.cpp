@@ -56,6 +56,13 @@ std::vector<std::vector<std::string>> read_lines(const std::string& path) {
   return lines;
 }
 
+double number(const std::string& text) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end != '\0') throw std::runtime_error("`" + text + "' is not a number");
+  return value;
+}
+
 /// fx, fy, cx, cy and depth units: of camera.txt ("key = value"), or of the TUM camera fr1 or fr3, by the
 /// folder's name.
 std::map<std::string, double> read_camera(const std::string& folder) {
@@ -64,7 +71,7 @@ std::map<std::string, double> read_camera(const std::string& folder) {
   if (folder.find("freiburg1") != std::string::npos || folder.find("fr1") != std::string::npos)
     camera = {{"fx", 517.3}, {"fy", 516.5}, {"cx", 318.6}, {"cy", 255.3}, {"depth_units_per_metre", 5000.0}};
   for (const auto& line : read_lines(folder + "/camera.txt")) {
-    if (line.size() == 3) camera[line[0]] = std::atof(line[2].c_str());
+    if (line.size() == 3 && camera.count(line[0]) > 0) camera[line[0]] = number(line[2]);
   }
   return camera;
 }
@@ -73,7 +80,7 @@ std::vector<Frame> read_frames(const std::string& folder, double units) {
   const auto colours = read_lines(folder + "/rgb.txt"), depths = read_lines(folder + "/depth.txt");
   const auto stamps = [](const auto& list) {
     std::vector<double> t;
-    for (const auto& line : list) t.push_back(std::atof(line.front().c_str()));
+    for (const auto& line : list) t.push_back(number(line.front()));
     return t;
   };
   const auto t_colour = stamps(colours), t_depth = stamps(depths);
@@ -94,7 +101,7 @@ Trajectory read_groundtruth(const std::string& folder) {
   Trajectory trajectory;
   for (const auto& w : read_lines(folder + "/groundtruth.txt")) {
     if (w.size() < 8) continue;
-    const auto n = [&](std::size_t i) { return std::atof(w[i].c_str()); };
+    const auto n = [&](std::size_t i) { return number(w[i]); };
     const Eigen::Quaterniond q(n(7), n(4), n(5), n(6));
     trajectory.push_back({n(0), SE3d(dynslam::SO3d(q), Eigen::Vector3d(n(1), n(2), n(3)))});
   }
@@ -204,7 +211,7 @@ double trajectory_error(const std::vector<Frame>& frames, const std::map<std::st
 
 int main(int argc, char** argv) try {
   const bool has_rim = argc > 3 && std::string(argv[2]) == "--rim";
-  const int rim = has_rim ? std::atoi(argv[3]) : 3;
+  const int rim = has_rim ? static_cast<int>(number(argv[3])) : 3;
   const int option = has_rim ? 4 : 2;
   const bool has_masks = argc > option + 1 && std::string(argv[option]) == "--masks";
   if (argc < 2 || rim < 0 || (has_rim && !has_masks)) {
@@ -217,18 +224,18 @@ int main(int argc, char** argv) try {
   const auto groundtruth = read_groundtruth(folder);
   const double alone = trajectory_error(frames, camera, groundtruth, Masks::none);
   if (has_masks) {
-    std::printf("%zu frames: absolute trajectory error %.1f cm alone", frames.size(), 100 * alone);
+    std::printf("%zu frames: absolute trajectory error %.2f cm alone", frames.size(), 100 * alone);
     for (int i = option + 1; i < argc; ++i)
-      std::printf(", %.1f cm with %s",
+      std::printf(", %.2f cm with %s",
                   100 * trajectory_error(frames, camera, groundtruth, Masks::folder, argv[i], rim), argv[i]);
     std::puts("");
     return 0;
   }
   const double with = trajectory_error(frames, camera, groundtruth, Masks::segmenter);
-  std::printf("%zu frames: absolute trajectory error %.1f cm alone, %.1f cm with MotionSegmenter\n",
+  std::printf("%zu frames: absolute trajectory error %.2f cm alone, %.2f cm with MotionSegmenter\n",
               frames.size(), 100 * alone, 100 * with);
   if (argc < 3) return std::isfinite(with) ? 0 : 1;
-  return with <= (std::string(argv[2]) == "third" ? alone / 3 : std::atof(argv[2])) ? 0 : 1;
+  return with <= (std::string(argv[2]) == "third" ? alone / 3 : number(argv[2])) ? 0 : 1;
 } catch (const std::exception& error) {
   std::fprintf(stderr, "example_06_rgbd_odometry: %s\n", error.what());
   return 1;
