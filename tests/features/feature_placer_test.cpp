@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "dynslam/features/masked_features.hpp"
@@ -168,4 +169,33 @@ TEST_CASE("features on a mask are flagged, flags that are set stay, and outside 
   CHECK(unmasked_with_depth(features, flags) == 1);
   CHECK(unmasked_share<double>(flags) == 0.5);
   CHECK(unmasked_share<float>({}) == 1.0F);
+}
+
+TEST_CASE_TEMPLATE("a feature placed by one motion is placed again by another as if by that at once", S,
+                   float, double) {
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  const PinholeBrownConrady<S> camera(Pinhole<S>(S(500), S(505), S(320), S(240)),
+                                      BrownConrady<S>(S(0.1), S(-0.2), S(0.001), S(-0.002), S(0)));
+  FeaturePlacer<PinholeBrownConrady<S>> placer(camera, 640, 480);
+  Image<float> depth(640, 480, 2.0F);
+  depth(60, 40) = std::numeric_limits<float>::quiet_NaN();
+  Eigen::Matrix<S, 6, 1> first, second;
+  first << S(0.010), S(-0.005), S(0.006), S(0.018), S(0.03), S(-0.012);
+  second << S(-0.004), S(0.008), S(-0.006), S(-0.02), S(0.01), S(0.02);
+  const RollingShutter<S> none, by_first(first, 480), by_second(second, 480);
+  for (const auto& [before, after] :
+       {std::pair(by_first, by_second), std::pair(none, by_second), std::pair(by_first, none)}) {
+    for (const Vector2& x : {Vector2(S(60), S(40)), Vector2(S(590.3), S(50.7)), Vector2(S(330), S(250)),
+                             Vector2(S(80), S(440.4)), Vector2(S(700), S(20))}) {
+      Feature again, once;
+      placer.set_rolling_shutter(before);
+      placer.place(again, x, depth);
+      placer.set_rolling_shutter(after);
+      placer.place_again(again, before);
+      placer.place(once, x, depth);
+      CHECK(std::abs(again.x - once.x) < 0.005F);
+      CHECK(std::abs(again.y - once.y) < 0.005F);
+      CHECK(std::abs(again.depth - once.depth) < 1e-4F);
+    }
+  }
 }

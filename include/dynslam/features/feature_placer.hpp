@@ -119,6 +119,19 @@ class FeaturePlacer {
     if (f.depth > 0) f.depth = static_cast<float>(p.z());
   }
 
+  /// Puts a feature that was placed by another motion where the middle row has seen it by the present one.
+  /// @param placed_by  that motion
+  void place_again(Feature& f, const RollingShutter<S>& placed_by) const {
+    const int u = static_cast<int>(std::lrint(f.u)), v = static_cast<int>(std::lrint(f.v));
+    if (f.x == kNowhere || !contains(u, v)) return;
+    if (placed_by.moves() && f.depth > 0)
+      f.depth = static_cast<float>(placed_by.to_row(point(f), static_cast<S>(f.v)).z());
+    const Eigen::Vector2f& ideal = ideal_at(u, v);
+    f.x = ideal.x() + (f.u - static_cast<float>(u));
+    f.y = ideal.y() + (f.v - static_cast<float>(v));
+    bring_to_middle(f);
+  }
+
   /// A feature's depth when its own row was read [m], as it is for unproject() of its recorded pixel.
   [[nodiscard]] S depth_of_row(const Feature& f) const {
     if (!shutter_.moves() || f.depth <= 0) return static_cast<S>(f.depth);

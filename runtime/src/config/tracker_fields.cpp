@@ -112,6 +112,9 @@ void list(FieldList& f, PoseSearchOptions& o) {
     "how well the motion between frames tells the camera's turn while it reads its rows; 0: it is taken for "
     "it",
     kNotNegative);
+  f("revise", o.revise, "",
+    "whether a frame is placed once more by the motion that the next one tells, where rows are read one "
+    "after the other");
   f("recovered_frames", o.recovered_frames, "frames",
     "a loss of so many at most is gone through once more when the camera is known on both sides of it; 0: "
     "never",

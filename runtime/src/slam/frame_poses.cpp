@@ -6,6 +6,12 @@
 namespace dynslam::runtime {
 
 void FramePoses::add(const RgbdFrame& frame, const TrackResult& result) {
+  if (const auto& revised = result.revised; revised && !frames_.empty() && frames_.back().t == revised->t) {
+    FramePose& last = frames_.back();
+    last.reference = revised->reference;
+    last.T_c_reference = revised->T_c_reference;
+    last.covariance = revised->covariance.leftCols<3>().cast<float>();
+  }
   for (const RecoveredPose& pose : result.recovered)
     frames_.push_back({pose.t, pose.ns, pose.reference, pose.T_c_reference, false, false,
                        pose.covariance.leftCols<3>().cast<float>()});

@@ -66,7 +66,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   mask_a_priori(now, prior);
   now.done(Stage::features, input.preparation_ms);
 
-  if (bundle_.pending() && now.frame.index >= bundle_due_) finish();
+  if ((bundle_.pending() || wanted_bundle_) && now.frame.index >= bundle_due_) finish();
   if (!initialised_) {
     start_map(now);
     now.done(Stage::keyframe);
@@ -92,6 +92,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.done(Stage::local_map);
   if (now.result.state == TrackingState::lost) {
     remember_lost(now);
+    end_last_keyframe();
     ++lost_frames_;
     last_moving_.release();
     resting_.release();  // where somebody sat is known only as long as the camera's place is
@@ -105,6 +106,8 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
     doubt_points_on_movers(now);
     doubt_recent_movers(now);
   }
+  revise_last(now);
+  end_last_keyframe();
   accept(now);
   now.done(Stage::pose);
   if (uses_geometry(options_.dynamics))

@@ -73,8 +73,9 @@ void Tracker::insert_keyframe(Present& now) {
     frame.point = map_.keyframe(id).frame.point;
   }
   places_.add(id, map_.keyframe(id).frame);
+  inserted_ = id;
   if (options_.bundle && id > 0) {
-    bundle_.start(map_, options_.depth_noise, loop ? options_.loop_bundle_window : 0);
+    wanted_bundle_ = loop ? options_.loop_bundle_window : 0;
     bundle_due_ =
         frame.index + static_cast<std::size_t>(loop ? options_.loop_bundle_delay : options_.bundle_delay);
   }
@@ -98,6 +99,9 @@ int Tracker::make_first_points(const ImagePyramid& pyramid, Frame& frame) {
 
 void Tracker::remember_last(Present& now) {
   last_ = std::move(now.frame);
+  last_shutter_ = matcher_.placer().rolling_shutter();
+  last_ns_ = now.input.ns;
+  last_reference_ = map_.newest();
   if (additions_.image_alignment)
     last_view_.remember(now.image->pyramid, now.depth, now.result.dynamic_mask, last_moving_);
   if (!additions_.second_look && !began_at_rest_) return;
@@ -184,7 +188,20 @@ int Tracker::adopt(const LocalMap& other, const SE3<double>& T_w_other) {
   return first;
 }
 
+/// The keyframe that the last frame became, if it did, is as it stays: what waited for that begins.
+void Tracker::end_last_keyframe() {
+  inserted_.reset();
+  start_bundle();
+}
+
+void Tracker::start_bundle() {
+  if (!wanted_bundle_) return;
+  bundle_.start(map_, options_.depth_noise, *wanted_bundle_);
+  wanted_bundle_.reset();
+}
+
 SE3<double> Tracker::settle() {
+  start_bundle();
   if (!bundle_.pending()) return {};
   const SE3<double> D = bundle_.apply(map_);
   ++adjustments_;

@@ -52,7 +52,8 @@ struct SeparatePose {
   SE3<double> T_w_c;  ///< in a world of its own
 };
 
-/// A frame that was lost when it came, and has a pose since the camera is known again.
+/// An earlier frame's pose: of one that was lost when it came, since the camera is known again; or a better
+/// one.
 struct RecoveredPose {
   double t = 0;         ///< its time [s]
   std::int64_t ns = 0;  ///< RgbdFrame::ns
@@ -79,6 +80,7 @@ struct TrackResult {
   MaskVerdict mask_rejected = MaskVerdict::kept;  ///< why the pose was not found by the mask, if it was not
   int matches = 0, inliers = 0;
   std::optional<SeparatePose> separate;  ///< of a lost frame that another map has; see NewMapOptions
+  std::optional<RecoveredPose> revised;  ///< the frame before, by how the camera is known now to have moved
   std::vector<RecoveredPose> recovered;  ///< of the loss that this frame ends, in their order
   cv::Mat dynamic_mask;                  ///< CV_8UC1, 255 = dynamic; always of image size
   StageTimes times{};

@@ -119,6 +119,9 @@ class Tracker {
   void doubt_points_on_movers(Present& now);
   void doubt_recent_movers(Present& now);
   void accept(Present& now);
+  /// Finds the pose of the frame before once more, by how the camera moved at its time.
+  void revise_last(Present& now);
+  void revise_keyframe(int id);
   /// Keeps a frame that was lost, for recover().
   void remember_lost(Present& now);
   /// Goes once more through the loss that the frame at hand ends: the camera is known on both sides of it.
@@ -151,6 +154,9 @@ class Tracker {
   [[nodiscard]] SE3<double>::Vector6 speed(const SE3<double>& T_c_last, double interval) const;
   [[nodiscard]] bool reachable(const SE3<double>& T_c_w, double t) const;
   [[nodiscard]] bool wants_keyframe(const Present& now) const;
+  void end_last_keyframe();
+  /// Starts the bundle adjustment that a keyframe asked for.
+  void start_bundle();
   /// Waits for the bundle adjustment, if one runs, and uses it. @return the correction, see follow()
   SE3<double> settle();
   /// Moves what was placed relative to the newest keyframe: new T_c_w = old T_c_w D.
@@ -173,7 +179,13 @@ class Tracker {
   LoopCloser loops_;
   std::vector<std::pair<int, int>> places_found_;
   std::vector<int> votes_;
-  std::size_t bundle_due_ = 0;  // frame index
+  std::size_t bundle_due_ = 0;           // frame index
+  std::optional<int> wanted_bundle_;     // its window: it starts when the last frame is revised
+  std::optional<int> inserted_;          // keyframe that the last frame became
+  RollingShutter<double> last_shutter_;  // by which the last frame's features were placed
+  std::int64_t last_ns_ = 0;
+  Frame revised_;  // of revise_last(): features, points and flags, whose memory is kept
+  int last_reference_ = 0;
   std::size_t adjustments_ = 0;
   Frame last_;
   ImagePyramid last_pyramid_;  // for look_again()
