@@ -24,12 +24,11 @@ void Tracker::revise_last(Present& now) {
 
   FeaturePlacer<decltype(CameraConfig::model)>& placer = matcher_.placer();
   const RollingShutter<double> present = placer.rolling_shutter();
-  const auto replace =
-      [&](const RollingShutter<double>& placed_by) {  // what has no match a keyframe alone needs
-        for (std::size_t i = 0; i < revised_.features.size(); ++i) {
-          if (inserted_ || revised_.point[i] >= 0) placer.place_again(revised_.features[i], placed_by);
-        }
-      };
+  const auto replace = [&](const RollingShutter<double>& placed_by) {
+    for (std::size_t i = 0; i < revised_.features.size(); ++i) {  // what has no match a keyframe alone needs
+      if (inserted_ || revised_.point[i] >= 0) placer.place_again(revised_.features[i], placed_by);
+    }
+  };
   revised_.features = last_.features;
   revised_.point = last_.point;
   revised_.dynamic = last_.dynamic;

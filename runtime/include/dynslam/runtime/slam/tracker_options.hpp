@@ -47,8 +47,7 @@ struct PoseSearchOptions {
   /// [rad/s]; 0: it is taken for it. A hand's is ten times as large, but matches err together (lens, map),
   /// and a turn that is free takes the map's errors up: people 8.3 mm with 0.3, 5.3 with this, 6.0 with 0.
   double turn_doubt = 0.02;
-  bool revise =
-      true;  ///< a frame is placed once more by the motion that the next one tells; rolling shutters
+  bool revise = true;  ///< place a frame once more by the motion that the next one tells; rolling shutters
   std::size_t young_frames = 10;  ///< of a map, in which what lies behind is asked, too; 0: never
   /// Of a pose's matches on what stands before the room, up to which it is not asked: 0.58 of those of a pose
   /// that goes with a board, 0.16 at most of one that does not.
