@@ -9,11 +9,8 @@
 #include <optional>
 #include <vector>
 
-#include "dynslam/runtime/io/trajectory_io.hpp"
-#include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/slam.hpp"
-#include "dynslam/runtime/synth/synth.hpp"
-#include "tum_fixture.hpp"
+#include "rendered_sequence.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
@@ -27,33 +24,15 @@ struct Loss {
 };
 
 /// A camera that is carried through an office where nothing moves.
-struct CarriedCamera {
-  test::TemporaryFolder folder;
-  Sequence sequence;
-  CameraConfig camera;
-  std::vector<StampedPose<double>> truth;
-
-  CarriedCamera() {
+const test::RenderedSequence& carried_camera() {
+  static const test::RenderedSequence rendered([] {
     SynthOptions scene;
     scene.scenario = "empty";
     scene.path = "xyz";
     scene.seed = 4;
     scene.frames = kCarriedFrames;
-    synthesize(scene, folder.path);
-    sequence = load_sequence(folder.path);
-    camera = load_camera(sequence.camera_hint);
-    truth = read_trajectory(folder.path / "groundtruth.txt");
-  }
-  [[nodiscard]] RgbdFrame frame(std::size_t i) const { return decode_frame(sequence.frames[i], i, camera); }
-  /// Error of a pose of frame i, beside where the first frame was [m].
-  [[nodiscard]] double error(std::size_t i, const SE3<double>& T_w_c) const {
-    const SE3<double> T_first_c = truth.front().T_w_c.inverse() * truth[i].T_w_c;
-    return (T_first_c.inverse() * T_w_c).translation().norm();
-  }
-};
-
-const CarriedCamera& carried_camera() {
-  static const CarriedCamera rendered;
+    return scene;
+  }());
   return rendered;
 }
 
@@ -75,7 +54,7 @@ struct Recovery {
 /// @param open  what is seen of the covered frames
 Recovery recovery(const cv::Rect& open, std::size_t recovered_frames, Method method = Method::full,
                   const Loss& loss = {}) {
-  const CarriedCamera& o = carried_camera();
+  const test::RenderedSequence& o = carried_camera();
   SlamOptions options;
   options.dynamics = DynamicsMode::none;
   options.map = false;

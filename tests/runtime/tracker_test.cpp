@@ -15,9 +15,9 @@
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/synth/synth.hpp"
+#include "rendered_sequence.hpp"
 #include "run_fixture.hpp"
 
 using namespace dynslam;
@@ -50,32 +50,14 @@ const Walking& rendered_walk() {
 }
 
 /// A board that is carried past, in the first frame, too.
-struct CarriedBoard {
-  test::TemporaryFolder folder;
-  Sequence sequence;
-  CameraConfig camera;
-
-  CarriedBoard(const std::string& path, int frames) {
-    SynthOptions scene;
-    scene.scenario = "board";
-    scene.path = path;
-    scene.seed = 3;
-    scene.frames = frames;
-    synthesize(scene, folder.path);
-    sequence = load_sequence(folder.path);
-    camera = load_camera(sequence.camera_hint);
-  }
-
-  [[nodiscard]] std::size_t size() const { return sequence.frames.size(); }
-  [[nodiscard]] RgbdFrame frame(std::size_t i) const { return decode_frame(sequence.frames[i], i, camera); }
-  /// Where the board is.
-  [[nodiscard]] cv::Mat mask(std::size_t i) const {
-    const auto file = folder.path / "dynamic_mask" / (sequence.frames[i].stamp + ".png");
-    cv::Mat mask = cv::imread(file.string(), cv::IMREAD_UNCHANGED);
-    REQUIRE(!mask.empty());
-    return mask;
-  }
-};
+test::RenderedSequence carried_board(const std::string& path, int frames) {
+  SynthOptions scene;
+  scene.scenario = "board";
+  scene.path = path;
+  scene.seed = 3;
+  scene.frames = frames;
+  return test::RenderedSequence(scene);
+}
 
 TrackerOptions options(DynamicsMode mode) {
   TrackerOptions o;
@@ -307,8 +289,7 @@ TEST_CASE("a mask that kept the room out of the map does not lose the camera whe
 TEST_CASE(
     "a board that is carried from the first frame on and has most of the features is not taken for the "
     "room") {
-  const CarriedBoard board("xyz", 8);
-  const auto truth = read_trajectory(board.folder.path / "groundtruth.txt");
+  const test::RenderedSequence board = carried_board("xyz", 8);
   const auto error = [&](std::size_t young_frames,
                          double foreground_share) {  // of the last frame's place [m]
     TrackerOptions o = options(DynamicsMode::geometric);
@@ -319,8 +300,7 @@ TEST_CASE(
     TrackResult last;
     for (std::size_t i = 0; i < board.size(); ++i) last = tracker.track(board.frame(i), std::nullopt);
     CHECK(last.state == TrackingState::tracked);
-    const SE3<double> T_first_last = truth.front().T_w_c.inverse() * truth.back().T_w_c;
-    return (T_first_last.inverse() * last.T_w_c).translation().norm();
+    return board.error(board.size() - 1, last.T_w_c);
   };
   const PoseSearchOptions usual;
   CHECK(error(usual.young_frames, usual.foreground_share) < 0.005);
@@ -330,7 +310,7 @@ TEST_CASE(
 }
 
 TEST_CASE("a lost camera is not found beside a board that stood in the first frame and was carried away") {
-  const CarriedBoard board("static", 24);
+  const test::RenderedSequence board = carried_board("static", 24);
   // The room is out of sight for a while, and then there is nothing but the board.
   constexpr std::size_t kDark = 15, kBoard = 20;
   const auto found_again = [&](bool doubted_points) {
@@ -342,8 +322,8 @@ TEST_CASE("a lost camera is not found beside a board that stood in the first fra
     for (std::size_t i = 0; i < board.size(); ++i) {
       RgbdFrame frame = board.frame(i);
       if (i >= kDark) {
-        const cv::Mat hidden =
-            i < kBoard ? cv::Mat(frame.gray.size(), CV_8UC1, cv::Scalar(255)) : cv::Mat(board.mask(i) == 0);
+        const cv::Mat hidden = i < kBoard ? cv::Mat(frame.gray.size(), CV_8UC1, cv::Scalar(255))
+                                          : cv::Mat(board.dynamic_mask(i) == 0);
         frame.gray.setTo(40, hidden);
         frame.depth.setTo(std::numeric_limits<double>::quiet_NaN(), hidden);
       }
@@ -358,7 +338,7 @@ TEST_CASE("a lost camera is not found beside a board that stood in the first fra
 }
 
 TEST_CASE("a mask that leaves next to nothing is believed where that tells where the camera is") {
-  const CarriedBoard board("static", 30);
+  const test::RenderedSequence board = carried_board("static", 30);
   // Somebody carries a board past, and all but a strip of the room is a blur: the board has nearly all
   // features.
   constexpr std::size_t kBlurred = 8;
@@ -369,7 +349,7 @@ TEST_CASE("a mask that leaves next to nothing is believed where that tells where
   for (std::size_t i = 0; i < board.size(); ++i) {
     RgbdFrame frame = board.frame(i);
     Masks masks;
-    masks.dynamic = board.mask(i);
+    masks.dynamic = board.dynamic_mask(i);
     if (i >= kBlurred) {
       cv::Mat without, blurred, room = masks.dynamic == 0;
       cv::dilate(masks.dynamic, without, cv::Mat(), {-1, -1}, 3);

@@ -82,12 +82,8 @@ class FeaturePlacer {
     f.v = static_cast<float>(pixel.y());
     f.x = f.y = kNowhere;
     f.depth = 0;
+    if (!undo_lens(f)) return;
     const int u = static_cast<int>(std::lrint(f.u)), v = static_cast<int>(std::lrint(f.v));
-    if (!contains(u, v)) return;
-    const Eigen::Vector2f& ideal = ideal_at(u, v);
-    f.x = ideal.x() + (f.u - static_cast<float>(u));
-    f.y = ideal.y() + (f.v - static_cast<float>(v));
-    if (ideal.x() == kNowhere) return;
     const auto z = static_cast<float>(depth(u, v));
     if (is_valid_depth(z)) f.depth = T_depth_c_ ? depth_of_colour_time(f, z, depth) : z;
     bring_to_middle(f);
@@ -122,21 +118,12 @@ class FeaturePlacer {
   /// Puts a feature that was placed by another motion where the middle row has seen it by the present one.
   /// @param placed_by  that motion
   void place_again(Feature& f, const RollingShutter<S>& placed_by) const {
-    const int u = static_cast<int>(std::lrint(f.u)), v = static_cast<int>(std::lrint(f.v));
-    if (f.x == kNowhere || !contains(u, v)) return;
-    if (placed_by.moves() && f.depth > 0)
-      f.depth = static_cast<float>(placed_by.to_row(point(f), static_cast<S>(f.v)).z());
-    const Eigen::Vector2f& ideal = ideal_at(u, v);
-    f.x = ideal.x() + (f.u - static_cast<float>(u));
-    f.y = ideal.y() + (f.v - static_cast<float>(v));
-    bring_to_middle(f);
+    f.depth = static_cast<float>(depth_of_row(f, placed_by));
+    if (undo_lens(f)) bring_to_middle(f);
   }
 
   /// A feature's depth when its own row was read [m], as it is for unproject() of its recorded pixel.
-  [[nodiscard]] S depth_of_row(const Feature& f) const {
-    if (!shutter_.moves() || f.depth <= 0) return static_cast<S>(f.depth);
-    return shutter_.to_row(point(f), static_cast<S>(f.v)).z();
-  }
+  [[nodiscard]] S depth_of_row(const Feature& f) const { return depth_of_row(f, shutter_); }
 
   /// The point that a feature with depth shows, in the camera's frame [m].
   [[nodiscard]] Vector3 point(const Feature& f) const {
@@ -144,6 +131,23 @@ class FeaturePlacer {
   }
 
  private:
+  /// The same of a feature that was placed by some motion.
+  [[nodiscard]] S depth_of_row(const Feature& f, const RollingShutter<S>& placed_by) const {
+    if (!placed_by.moves() || f.depth <= 0) return static_cast<S>(f.depth);
+    return placed_by.to_row(point(f), static_cast<S>(f.v)).z();
+  }
+
+  /// Sets the ideal pixel of a feature's recorded one, as if all rows were read at once. @return whether it
+  /// has one
+  bool undo_lens(Feature& f) const {
+    const int u = static_cast<int>(std::lrint(f.u)), v = static_cast<int>(std::lrint(f.v));
+    if (!contains(u, v)) return false;
+    const Eigen::Vector2f& ideal = ideal_at(u, v);
+    f.x = ideal.x() + (f.u - static_cast<float>(u));
+    f.y = ideal.y() + (f.v - static_cast<float>(v));
+    return ideal.x() != kNowhere;
+  }
+
   [[nodiscard]] bool contains(int u, int v) const { return u >= 0 && v >= 0 && u < width_ && v < height_; }
 
   /// Ideal pixel of a recorded one that is inside the image.

@@ -66,7 +66,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   mask_a_priori(now, prior);
   now.done(Stage::features, input.preparation_ms);
 
-  if ((bundle_.pending() || wanted_bundle_) && now.frame.index >= bundle_due_) finish();
+  if (now.frame.index >= bundle_due_) finish();
   if (!initialised_) {
     start_map(now);
     now.done(Stage::keyframe);
@@ -292,7 +292,7 @@ bool Tracker::prove_on_local_map(Present& now, int wanted) {
     pose_.gather(map_, now.frame);
     pose_.keep_consistent(now.T_c_w, options_.search.local_chi2, now.frame);
   }
-  look_for_turn(now);
+  look_for_turn(now, now.turn);
   const PoseResult<double> pose = pose_.optimize(map_, now.T_c_w, now.frame);
   now.T_c_w = pose.T_c_w;
   now.result.inliers = pose.inliers;

@@ -208,7 +208,7 @@ void Tracker::pose_without_movers(Present& now) {
     flag(frame, suspected, masks[0]);
     for (std::size_t i = 0; i < frame.dynamic.size(); ++i) masks[0][i] |= frame.dynamic[i];
   }
-  look_for_turn(now);
+  look_for_turn(now, now.turn);
   const auto fused = masked_pose(
       pose_, map_, now.T_c_w, masks, options_.arbitration, frame,
       [&](int point) { ++map_.point(point).on_mover; }, masked_pose_);

@@ -61,11 +61,12 @@ void Tracker::place_features(Present& now) const {
 
 /// Has the next optimisation ask how the camera turned while it read its rows. A measurement of the readout
 /// time would find nothing then: the turn explains the same.
-void Tracker::look_for_turn(const Present& now) {
+/// @param turn  that the placer has beyond the motion between frames
+void Tracker::look_for_turn(const Present& now, const Eigen::Vector3d& turn) {
   pose_.set_rows_known();
   if (!(options_.search.turn_doubt > 0) || readout_ || !interval(now.input)) return;
   pose_.set_rows(matcher_.placer().rolling_shutter(),
-                 {-now.turn, options_.search.turn_doubt * camera_.readout_time});
+                 {-turn, options_.search.turn_doubt * camera_.readout_time});
 }
 
 /// Places the features by the turn that was found.

@@ -104,9 +104,6 @@ void Tracker::locate_again(Lost& lost, std::span<const TimedPose<double>> around
   // velocity, and the curve through them runs away.
   const std::array<SE3<double>, 2> expected{pose_between<double>(around, lost.t),
                                             pose_between<double>(around.first(2), lost.t)};
-  double nearest = around.front().t;
-  for (const auto& pose : around)
-    if (std::abs(pose.t - lost.t) < std::abs(nearest - lost.t)) nearest = pose.t;
   // How it moved meanwhile places the rows, and the depth image.
   constexpr double kStep = 1e-3;  // [s]
   const SE3<double>::Vector6 speed =
@@ -123,7 +120,7 @@ void Tracker::locate_again(Lost& lost, std::span<const TimedPose<double>> around
   const auto depth = interop::view<const float>(std::as_const(lost.depth));
   matcher_.begin(frame);
   placer.place(std::span<Feature>(frame.features), depth);
-  const double reach = o.recovered_speed * std::abs(lost.t - nearest);
+  const double reach = o.recovered_speed * std::min(lost.t - around[0].t, around[1].t - lost.t);
   const auto led_to = [&](const SE3<double>& T_c_w) {
     return std::any_of(expected.begin(), expected.end(), [&](const SE3<double>& there) {
       const SE3<double> beside = T_c_w * there.inverse();

@@ -37,8 +37,7 @@ void Tracker::revise_last(Present& now) {
   }
   placer.set_rolling_shutter(own);
   replace(last_shutter_);
-  pose_.set_rows_known();
-  if (o.turn_doubt > 0) pose_.set_rows(own, {Eigen::Vector3d::Zero(), o.turn_doubt * camera_.readout_time});
+  look_for_turn(now, Eigen::Vector3d::Zero());
   const PoseResult<double> pose = pose_.optimize(map_, last_.T_c_w, revised_);
   if (pose.inliers >= o.min_inliers) {
     if (!pose.turn.isZero(0)) {

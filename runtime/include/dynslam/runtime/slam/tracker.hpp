@@ -97,7 +97,7 @@ class Tracker {
   void set_motion(const Present& now, const SE3<double>& T_c_last);
   void place_again(Present& now);
   void place_features(Present& now) const;
-  void look_for_turn(const Present& now);
+  void look_for_turn(const Present& now, const Eigen::Vector3d& turn);
   void take_turn(Present& now, const Eigen::Vector3d& turn);
   void measure_rows(const Present& now);
   /// Matches the local map's points. @return whether `wanted` of them fit one pose
@@ -179,18 +179,18 @@ class Tracker {
   LoopCloser loops_;
   std::vector<std::pair<int, int>> places_found_;
   std::vector<int> votes_;
-  std::size_t bundle_due_ = 0;           // frame index
-  std::optional<int> wanted_bundle_;     // its window: it starts when the last frame is revised
-  std::optional<int> inserted_;          // keyframe that the last frame became
-  RollingShutter<double> last_shutter_;  // by which the last frame's features were placed
-  std::int64_t last_ns_ = 0;
-  Frame revised_;  // of revise_last(): features, points and flags, whose memory is kept
-  int last_reference_ = 0;
+  std::size_t bundle_due_ = 0;        // frame index
+  std::optional<int> wanted_bundle_;  // its window: it starts when the last frame is revised
   std::size_t adjustments_ = 0;
   Frame last_;
-  ImagePyramid last_pyramid_;  // for look_again()
-  double usual_inliers_ = 0;   // of the frames before: the most, less by a share for each frame since
-  cv::Mat last_moving_;        // what the geometry found in the last frame, CV_8UC1
+  std::int64_t last_ns_ = 0;
+  int last_reference_ = 0;
+  RollingShutter<double> last_shutter_;  // by which the last frame's features were placed
+  std::optional<int> inserted_;          // keyframe that the last frame became
+  Frame revised_;                        // of revise_last(): features, points and flags, whose memory is kept
+  ImagePyramid last_pyramid_;            // for look_again()
+  double usual_inliers_ = 0;  // of the frames before: the most, less by a share for each frame since
+  cv::Mat last_moving_;       // what the geometry found in the last frame, CV_8UC1
   std::vector<std::uint8_t> recent_flags_;
   SE3<double> velocity_;  // T_c_last
   std::optional<ReadoutMeasurement<double>> readout_;
