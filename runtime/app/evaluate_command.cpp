@@ -33,6 +33,7 @@ struct EvaluateCommand::Options {
   std::filesystem::path estimate, groundtruth, predicted, truth;
   runtime::MaskFaultOptions fault;
   runtime::SequenceOptions reading;  // of the ground truth's sequence
+  int widen = 0;
   bool json = false;
 };
 
@@ -52,6 +53,11 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
   o.masks->add_option("truth", o.truth,
                       "Folder of true masks of the same names; without it: the share of pixels that masks "
                       "cover, which are false alarms where nothing moves");
+  o.masks
+      ->add_option("--widen", o.widen,
+                   "Pixels by which the truth is widened before what lies beyond it counts as spill")
+      ->capture_default_str()
+      ->check(whole_in(0, 1000));
   o.masks->add_flag("--json", o.json, "Print JSON");
   o.faults = app.add_subcommand("mask-faults", "Write wrong masks for a sequence, to see what they cost");
   o.faults->add_option("sequence", o.fault.sequence, "Folder of a sequence with ground truth, or its bag")
@@ -79,7 +85,7 @@ int EvaluateCommand::run() const {
   const Options& o = *o_;
   if (*o.trajectory) return print(runtime::evaluate_trajectory(o.estimate, o.groundtruth, o.reading), o.json);
   if (*o.masks && o.truth.empty()) return print(runtime::mask_shares(o.predicted), o.json);
-  if (*o.masks) return print(runtime::evaluate_masks(o.predicted, o.truth), o.json);
+  if (*o.masks) return print(runtime::evaluate_masks(o.predicted, o.truth, o.widen), o.json);
   ProgressLine line;
   runtime::write_mask_faults(o.fault, [&](std::size_t done, std::size_t total) {
     line.show(fmt::format("{}/{} masks", done, total));

@@ -320,6 +320,10 @@ TEST_CASE("mask figures by hand; missing predictions count as empty") {
   CHECK(report.precision == doctest::Approx(0.5));
   CHECK(report.iou == doctest::Approx(0.2));
   CHECK(report.frames_recall_below_0_3 == 1);
+  CHECK(report.spill.mean == doctest::Approx(0.2 / 3));  // rows 4 and 5 of the first frame
+  CHECK(report.spill.worst == doctest::Approx(0.2));
+  CHECK(evaluate_masks(predicted.path, truth.path, 1).spill.worst == doctest::Approx(0.1));
+  CHECK(evaluate_masks(predicted.path, truth.path, 2).spill.worst == 0);
   const test::TemporaryFolder empty;
   CHECK(mentions(error_of([&] { (void)evaluate_masks(empty.path, truth.path); }), "has no mask in common"));
   CHECK(mentions(error_of([&] { (void)evaluate_masks(predicted.path, empty.path); }), "holds no PNG masks"));

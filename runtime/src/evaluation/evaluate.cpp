@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <utility>
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
@@ -26,6 +28,14 @@ nlohmann::json to_json(const Statistics<double>& s) {
 std::string row(std::string_view name, const Statistics<double>& s) {
   return fmt::format("{:<22} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f} {:>9.6f}\n", name, s.rmse, s.mean,
                      s.median, s.std, s.min, s.max);
+}
+
+/// @param shares  of one frame at least
+MaskShares shares_of(std::vector<double> shares) {
+  std::sort(shares.begin(), shares.end());
+  const auto n = static_cast<double>(shares.size());
+  return {shares.size(), std::accumulate(shares.begin(), shares.end(), 0.0) / n,
+          shares[static_cast<std::size_t>(0.95 * (n - 1) + 0.5)], shares.back()};
 }
 
 /// Names of the PNG files in a folder, sorted. @throws InputError where there are none
@@ -100,11 +110,13 @@ std::string to_text(const TrajectoryReport& report) {
          fmt::format("{:<22} {:>9.6f}\n", "first to last [m]", report.end_error);
 }
 
-MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth) {
+MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth, int widen) {
   if (!fs::is_directory(predicted)) throw InputError(predicted.string(), 0, "is not a folder");
   const std::vector<fs::path> names = mask_names(truth);
   MaskReport report;
   std::size_t both = 0, either = 0, in_truth = 0, in_prediction = 0;
+  std::vector<double> spill;
+  const cv::Mat around = cv::getStructuringElement(cv::MORPH_ELLIPSE, cv::Size(2 * widen + 1, 2 * widen + 1));
   for (const fs::path& name : names) {
     const cv::Mat expected = read_image(truth / name, cv::IMREAD_GRAYSCALE) != 0;
     cv::Mat found = cv::Mat::zeros(expected.size(), CV_8UC1);
@@ -122,6 +134,9 @@ MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth) {
     in_prediction += static_cast<std::size_t>(cv::countNonZero(found));
     either += static_cast<std::size_t>(cv::countNonZero(found | expected));
     if (wanted > 0 && ratio(common, wanted) < 0.3) ++report.frames_recall_below_0_3;
+    cv::Mat near = expected;
+    if (widen > 0) cv::dilate(expected, near, around);
+    spill.push_back(ratio(static_cast<std::size_t>(cv::countNonZero(found & ~near)), expected.total()));
     ++report.frames;
   }
   if (report.missing == report.frames)
@@ -129,6 +144,7 @@ MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth) {
   report.iou = ratio(both, either);
   report.recall = ratio(both, in_truth);
   report.precision = ratio(both, in_prediction);
+  report.spill = shares_of(std::move(spill));
   return report;
 }
 
@@ -138,14 +154,16 @@ nlohmann::json to_json(const MaskReport& r) {
           {"iou", r.iou},
           {"recall", r.recall},
           {"precision", r.precision},
-          {"frames_recall_below_0_3", r.frames_recall_below_0_3}};
+          {"frames_recall_below_0_3", r.frames_recall_below_0_3},
+          {"spill", to_json(r.spill)}};
 }
 
 std::string to_text(const MaskReport& r) {
   return fmt::format(
       "{} frames ({} without a prediction): recall {:.4f}, IoU {:.4f}, precision {:.4f}, {} frames with "
-      "recall below 0.3\n",
-      r.frames, r.missing, r.recall, r.iou, r.precision, r.frames_recall_below_0_3);
+      "recall below 0.3; beyond the truth {:.2f} % of a frame's pixels, worst {:.2f} %\n",
+      r.frames, r.missing, r.recall, r.iou, r.precision, r.frames_recall_below_0_3, 100 * r.spill.mean,
+      100 * r.spill.worst);
 }
 
 MaskShares mask_shares(const fs::path& folder) {
@@ -154,10 +172,7 @@ MaskShares mask_shares(const fs::path& folder) {
     const cv::Mat mask = read_image(folder / name, cv::IMREAD_GRAYSCALE);
     shares.push_back(ratio(static_cast<std::size_t>(cv::countNonZero(mask)), mask.total()));
   }
-  std::sort(shares.begin(), shares.end());
-  const auto n = static_cast<double>(shares.size());
-  return {shares.size(), std::accumulate(shares.begin(), shares.end(), 0.0) / n,
-          shares[static_cast<std::size_t>(0.95 * (n - 1) + 0.5)], shares.back()};
+  return shares_of(std::move(shares));
 }
 
 nlohmann::json to_json(const MaskShares& s) {

@@ -38,28 +38,33 @@ struct TrajectoryReport {
 /// As `eval` prints it.
 [[nodiscard]] std::string to_text(const TrajectoryReport& report);
 
-/// Figures of the `eval-masks` command; pixels summed over all frames.
+/// Share of a frame's pixels over a sequence's frames.
+struct MaskShares {
+  std::size_t frames = 0;
+  double mean = 0, p95 = 0, worst = 0;
+};
+
+/// What the `eval-masks` command prints; pixels summed over all frames.
 struct MaskReport {
   std::size_t frames = 0;
   std::size_t missing = 0;  ///< truth frames without a prediction, counted as empty predictions
   double iou = 0, recall = 0, precision = 0;
   std::size_t frames_recall_below_0_3 = 0;  ///< among the frames whose truth has any pixel
+  /// Of predicted pixels farther than `widen` pixels from any true one: masks on what does not move.
+  MaskShares spill;
 };
 
 /// Compares predicted masks with the truth, PNG files of equal names; nonzero = dynamic.
+/// @param widen  by how much the truth is widened before what lies beyond it is spill [px]: rims are uncertain
 /// @throws InputError  missing folders, unreadable images, sizes that differ, no file in common
-[[nodiscard]] MaskReport evaluate_masks(const std::filesystem::path& predicted,
-                                        const std::filesystem::path& truth);
+[[nodiscard]] MaskReport evaluate_masks(const std::filesystem::path& predicted, const std::filesystem::path& truth,
+                                        int widen = 0);
 /// As `eval-masks --json` prints it.
 [[nodiscard]] nlohmann::json to_json(const MaskReport& report);
 /// As `eval-masks` prints it.
 [[nodiscard]] std::string to_text(const MaskReport& report);
 
 /// Share of pixels that masks cover, per frame: where nothing moves, false alarms.
-struct MaskShares {
-  std::size_t frames = 0;
-  double mean = 0, p95 = 0, worst = 0;
-};
 /// @throws InputError  a missing folder, one without masks, unreadable images
 [[nodiscard]] MaskShares mask_shares(const std::filesystem::path& folder);
 /// As `eval-masks --json` prints it without a truth.
