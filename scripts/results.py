@@ -1,0 +1,411 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Writes docs/results.md; scripts/results.sh says how."""
+import argparse
+import datetime
+import json
+import os
+import pathlib
+import platform
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+
+import sequences as sq
+from sequences import call, median_of, text, worst_of
+
+MODES = ["none", "semantic", "geometric", "both"]
+CM = 2  # decimals of an error in centimetres
+
+
+def table(header, rows):
+    """Text left, numbers right."""
+    left = sum(1 for name in header if name in ("sequence", "mode", "masks", "method", "camera", "images", "what"))
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * left + "---:|" * (len(header) - left)]
+    return lines + ["| " + " | ".join(row) + " |" for row in rows]
+
+
+def error(rows, key="trajectory"):
+    """Median (worst) in centimetres."""
+    if median_of(rows, key) is None:
+        return "no pose"
+    return f"{text(median_of(rows, key), CM)} ({text(worst_of(rows, key), CM)})"
+
+
+def tracked(rows):
+    return f"{min(row.get('tracked') or 0 for row in rows)} of {rows[0].get('frames')}"
+
+
+def measured(sequence, modes, seeds, **options):
+    """Figures of each mode, by seed."""
+    runs = sq.sweep(sequence, modes, seeds, **options)
+    return {(variant, mode): [sq.figures(sequence, runs[variant, mode, seed]) for seed in seeds]
+            for variant, mode, _ in runs}
+
+
+RECORDED_SEEDS = [1, 2, 3, 4, 5]
+
+
+def recorded():
+    return [(sequence, measured(sequence, MODES, RECORDED_SEEDS)) for sequence in sq.recorded()]
+
+
+def trajectories():
+    """ATE RMSE [cm] after alignment (SE(3)), medians of seeds 1 to 5 and, in brackets, the worst of them. *Live*: each
+    frame's pose as `track()` returned it at once (`trajectory_live.txt`); *final*: after the last frame
+    (`trajectory.txt`). Tracked: the fewest frames of the five runs. `none` is a plain tracker: beside the masks it
+    lacks what [method.md](method.md) lists. Network: yolo11n-seg, 416 x 320.
+
+    dynslam run SEQ --dynamics MODE --seed N [--model yolo11n-seg.onnx]; dynslam eval RESULTS SEQ"""
+    rows = []
+    for sequence, by in recorded():
+        for mode in MODES:
+            found = by["", mode]
+            rows.append([sequence.name, f"`{mode}`", error(found, "trajectory_live"), error(found), tracked(found)])
+    return table(["sequence", "mode", "live", "final", "tracked"], rows)
+
+
+def masks():
+    """Recall and IoU of the masks of dynamic pixels, and *spill*: the share of a frame that is masked farther than 15 px
+    beyond what moves, mean over the frames and worst frame. Medians of seeds 1 to 5. Of Bonn's people there is no
+    truth: masks of yolo11n-seg at 640 x 480 stand for it, so `semantic` and `both` are measured against a relative of
+    themselves, and IoU means nothing.
+
+    dynslam run SEQ --dynamics MODE --save-masks; dynslam eval-masks RESULTS/masks TRUTH --widen 15"""
+    rows = []
+    for sequence, by in recorded():
+        for mode in MODES[1:]:
+            found = by["", mode]
+            rows.append([sequence.name, f"`{mode}`", text(median_of(found, "recall"), 2), text(median_of(found, "iou"), 2),
+                         text(median_of(found, "spill"), 2, 100) + " %", text(median_of(found, "spill_worst"), 1, 100) + " %"])
+    return table(["sequence", "mode", "recall", "IoU", "spill", "worst frame"], rows)
+
+
+def paper():
+    """ATE RMSE [cm] of the paper's method alone, `--method paper`, beside dynslam's (`--method full`): medians of seeds 1
+    to 3, the worst in brackets. Rolling shutters are modelled in both; *rows at once* is the paper's method with a
+    camera that has no `readout_time`, so without anything that the paper does not have.
+
+    dynslam run SEQ --dynamics MODE --method paper [--camera FILE]"""
+    rows = []
+    for sequence in sq.recorded():
+        if sequence.truth is None:
+            continue
+        variants = {"paper": {"method": "paper"}, "full": {"method": "full"}}
+        plain = camera_with_readout(sequence, None)
+        if plain:
+            variants = {"rows_at_once": {"method": "paper", "camera": plain}, **variants}
+        by = measured(sequence, MODES, [1, 2, 3], variants=variants, group="paper")
+        names = {"rows_at_once": "paper, rows at once", "paper": "paper", "full": "dynslam"}
+        rows += [[sequence.name, names[v], *(error(by[v, mode]) for mode in MODES)] for v in variants]
+    return table(["sequence", "method", *(f"`{mode}`" for mode in MODES)], rows)
+
+
+def camera_of(sequence):
+    """The name of a recorded sequence's camera file."""
+    for key in ("fr1", "fr2", "fr3", "bonn"):
+        if key in sequence.key.replace("freiburg", "fr"):
+            return key if key == "bonn" else f"tum_{key}"
+    return None
+
+
+def camera_with_readout(sequence, seconds):
+    """The sequence's camera with another `readout_time`, or none."""
+    name = camera_of(sequence)
+    if name is None:
+        return None
+    lines = (sq.ROOT / f"examples/cameras/{name}.txt").read_text().splitlines()
+    lines = [line for line in lines if not line.startswith("readout_time")]
+    if seconds is not None:
+        lines.append(f"readout_time = {seconds}")
+    file = sq.WORK / "cameras" / f"{name}_{seconds}.txt"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    if not file.exists() or file.read_text() != "\n".join(lines) + "\n":
+        file.write_text("\n".join(lines) + "\n")
+    return file
+
+
+def readout():
+    """What `dynslam readout` says of a sequence's rows, without its ground truth; PrimeSense's cameras are given 24 ms.
+
+    dynslam readout SEQ"""
+    rows = []
+    for sequence in sq.recorded():
+        done = subprocess.run([sq.PROGRAM, "readout", str(sequence.path)], text=True, capture_output=True)
+        lines = (done.stdout + done.stderr).strip().splitlines()
+        said = next((line for line in lines if "readout" in line), lines[-1] if lines else "")
+        rows.append([sequence.name, said.replace("|", "/").replace(str(sequence.path), "SEQ").replace("dynslam: ", "")])
+    return table(["sequence", "what"], rows)
+
+
+def readout_times():
+    """ATE RMSE [cm], `geometric`, with other readout times in the camera's file; median of seeds 1 to 3 (worst).
+
+    dynslam run SEQ --dynamics geometric --camera FILE"""
+    times = [0, 0.008, 0.016, 0.02, 0.024, 0.028, 0.032]
+    rows = []
+    for sequence in sq.recorded():
+        if sequence.key not in (sq.RECORDED[0][0], sq.RECORDED[1][0], sq.RECORDED[4][0], sq.RECORDED[5][0]):
+            continue
+        variants = {f"ms{int(1000 * t)}": {"camera": camera_with_readout(sequence, t)} for t in times}
+        by = measured(sequence, ["geometric"], [1, 2, 3], variants=variants, group="readout")
+        rows.append([sequence.name, *(error(by[v, "geometric"]) for v in variants)])
+    return table(["sequence", *(f"{int(1000 * t)} ms" for t in times)], rows)
+
+
+def composed():
+    """A board of no class, or two people, composed into the static fr1_rpy, 500 to 649 (the truth stays valid): ATE RMSE
+    [cm], median of seeds 1 to 3 (worst), and the masks' recall, IoU and spill of the median.
+
+    dynslam run SEQ --dynamics MODE --save-masks"""
+    base = sq.RECORDED[1][0]
+    rows = []
+    for sequence in sq.composed("board", base, range(1, 6), "board") + sq.composed("p1,p2", base, range(1, 6), "people"):
+        by = measured(sequence, ["none", "geometric", "both"], [1, 2, 3])
+        for mode in ("none", "geometric", "both"):
+            found = by["", mode]
+            numbers = [text(median_of(found, "recall"), 2), text(median_of(found, "iou"), 2),
+                       text(median_of(found, "spill"), 2, 100) + " %"] if mode != "none" else ["", "", ""]
+            rows.append([sequence.name, f"`{mode}`", error(found), tracked(found), *numbers])
+    return table(["sequence", "mode", "ATE", "tracked", "recall", "IoU", "spill"], rows)
+
+
+def rendered():
+    """The synthetic office with its demo's network, 300 frames at 30 Hz, three scenes each: ATE RMSE [cm], median and, in
+    brackets, worst of the scenes.
+
+    dynslam synth SEQ --path PATH --scenario SCENARIO --seed N --frames 300; dynslam run SEQ --dynamics MODE"""
+    rows = []
+    for scenario, path in (("walking", "static"), ("walking", "xyz"), ("walking", "rpy"), ("walking", "halfsphere"),
+                           ("sitting", "halfsphere"), ("board", "xyz")):
+        scenes = [sq.rendered(f"{scenario} {path} {n}", "--path", path, "--scenario", scenario, "--seed", n, "--frames",
+                              300) for n in (1, 2, 3)]
+        found = [measured(scene, MODES, [1]) for scene in scenes]
+        rows.append([f"{scenario}, {path}", *(error([f["", mode][0] for f in found]) for mode in MODES)])
+    return table(["sequence", *(f"`{mode}`" for mode in MODES)], rows)
+
+
+def demo():
+    """What `scripts/demo.sh` runs: ATE RMSE [cm] of each mode, the paper's method and dynslam's, and the IoU of the masks.
+
+    scripts/demo.sh"""
+    sequence = sq.rendered("demo", "--path", "xyz", "--seed", 2)
+    variants = {"paper": {"method": "paper"}, "full": {"method": "full"}}
+    by = measured(sequence, MODES, [0], variants=variants, group="demo")
+    names = {"paper": "paper", "full": "dynslam"}
+    return table(["method", "mode", "ATE", "tracked", "recall", "IoU", "spill"],
+                 [[names[v], f"`{mode}`", text(by[v, mode][0].get("trajectory"), CM), tracked(by[v, mode]),
+                   *([text(by[v, mode][0].get("recall"), 2), text(by[v, mode][0].get("iou"), 2),
+                      text(by[v, mode][0].get("spill"), 2, 100) + " %"] if mode != "none" else ["", "", ""])]
+                  for v in variants for mode in MODES])
+
+
+def loops():
+    """Once round the synthetic office, 600 frames, three scenes: ATE RMSE [cm] with loops closed and without; median and
+    worst of the scenes.
+
+    dynslam synth SEQ --path loop --frames 600 --seed N; dynslam run SEQ --dynamics MODE [--loops false]"""
+    found = {}
+    for n in (1, 2, 3):
+        sequence = sq.rendered(f"loop {n}", "--path", "loop", "--seed", n, "--frames", 600)
+        by = measured(sequence, ["none", "geometric"], [1], group="loops",
+                      variants={"with": {"loops": True}, "without": {"loops": False}})
+        for key, value in by.items():
+            found.setdefault(key, []).append(value[0])
+    return table(["mode", "loops closed", "not closed"],
+                 [[f"`{mode}`", error(found["with", mode]), error(found["without", mode])] for mode in ("none", "geometric")])
+
+
+def rates():
+    """Recorded sequences scaled and thinned by `dynslam convert`: ATE RMSE [cm], `none` / `geometric`, medians of seeds 1
+    to 3.
+
+    dynslam convert SEQ NEW --size SIZE --every N; dynslam run NEW --dynamics MODE"""
+    kept = [s for s in sq.recorded() if s.key in (sq.RECORDED[0][0], sq.RECORDED[1][0], sq.RECORDED[5][0])]
+    rows = []
+    for label, options in (("as recorded, 30 Hz", []), ("10 Hz", ["--every", 3]), ("5 Hz", ["--every", 6]),
+                           ("320x240", ["--size", "320x240"]), ("540x405", ["--size", "540x405"]),
+                           ("848x480", ["--size", "848x480"]), ("1280x720", ["--size", "1280x720"])):
+        cells = [label]
+        for sequence in kept:
+            one = sequence
+            if options:
+                key = f"{sequence.key}_{label.replace(' ', '')}"
+                folder = sq.WORK / "converted" / key
+                if not (folder / "associations.txt").exists():
+                    call([sq.PROGRAM, "convert", sequence.path, folder, *options])
+                one = sq.Sequence(sequence.name, folder, still=True)
+            by = measured(one, ["none", "geometric"], [1, 2, 3], group="rates")
+            cells.append(" / ".join(text(median_of(by["", mode], "trajectory"), CM) for mode in ("none", "geometric")))
+        rows.append(cells)
+    return table(["images", *(s.name for s in kept)], rows)
+
+
+def faults():
+    """What wrong masks cost: ATE RMSE [cm] of `both` with ten kinds of wrong masks in all frames (`dynslam mask-faults`),
+    median of seeds 1 to 3 (worst), beside `none` and `geometric`, which use none of them.
+
+    dynslam mask-faults SEQ DIR --fault KIND; dynslam run SEQ --dynamics both --masks DIR"""
+    kept = [s for s in sq.recorded() if s.key in (sq.RECORDED[0][0], sq.RECORDED[1][0], sq.RECORDED[5][0])]
+    kinds = ["object-always", "object-third", "object-first-half", "object-second-half", "cover", "mirrored", "late",
+             "shifted", "empty", "blobs"]
+    rows = [["`none`"], ["`geometric`"], *([kind] for kind in kinds)]
+    for sequence in kept:
+        by = measured(sequence, MODES, RECORDED_SEEDS)
+        rows[0].append(error(by["", "none"][:3]))
+        rows[1].append(error(by["", "geometric"][:3]))
+        variants = {}
+        for kind in kinds:
+            folder = sq.WORK / "faults" / sequence.key / kind
+            if not folder.exists():
+                call([sq.PROGRAM, "mask-faults", sequence.path, folder, "--fault", kind])
+            variants[kind] = {"masks": folder}
+        wrong = measured(sequence, ["both"], [1, 2, 3], variants=variants, group="faults-runs")
+        for row, kind in zip(rows[2:], kinds):
+            row.append(error(wrong[kind, "both"]))
+    return table(["masks", *(s.name for s in kept)], rows)
+
+
+def networks():
+    """A network on every frame, and ten times a second (`--segment-every auto`), fr1_xyz with two people: medians of seeds
+    1 to 3; frames per second of this machine.
+
+    dynslam run SEQ --dynamics both --model yolo11n-seg.onnx --segment-every N"""
+    sequence = next((s for s in sq.recorded() if s.key == sq.RECORDED[5][0]), None)
+    if sequence is None:
+        return []
+    variants = {"every": {"segment-every": "1"}, "auto": {"segment-every": "auto"}}
+    by = measured(sequence, ["both"], [1, 2, 3], variants=variants, group="networks")
+    names = {"every": "every frame", "auto": "`auto`, every third at 30 Hz"}
+    return table(["masks", "ATE [cm]", "recall", "IoU", "frames/s"],
+                 [[names[v], error(by[v, "both"]), text(median_of(by[v, "both"], "recall"), 2),
+                   text(median_of(by[v, "both"], "iou"), 2), text(median_of(by[v, "both"], "fps"), 0)] for v in variants])
+
+
+def guests():
+    """OpenCV's RGB-D odometry, frame to frame, alone and with what moves masked out: by `MotionSegmenter` inside
+    (examples/06_rgbd_odometry.cpp), by the mask files of `dynslam run`, and by true masks where there are any. ATE RMSE
+    [cm]; it drifts by about a centimetre a frame, so that what differs by a few pixels differs by centimetres in the end.
+
+    example_06_rgbd_odometry SEQ [--masks FOLDER...]"""
+    example = pathlib.Path(os.environ.get("EXAMPLES", sq.ROOT / "build/release/examples")) / "example_06_rgbd_odometry"
+    if not example.exists():
+        sq.fail(f"{example} is missing (DYNSLAM_BUILD_EXAMPLES=ON builds it)")
+    chosen = [s for s in sq.recorded() if s.truth and not s.people]
+    chosen += sq.composed("board", sq.RECORDED[1][0], range(1, 4), "board")
+    chosen += [sq.rendered("walking xyz 2", "--path", "xyz", "--scenario", "walking", "--seed", 2, "--frames", 300)]
+    rows = []
+    for sequence in chosen:
+        inside = [float(x) for x in re.findall(r"([0-9.]+) m", call([example, sequence.path]))]
+        runs = sq.sweep(sequence, ["geometric", "both"], [1, 2, 3], group="runs")
+        folders = [runs["", "geometric", 1] / "masks", runs["", "both", 1] / "masks"]
+        if not sequence.people and (sequence.truth / next(folders[0].glob("*.png")).name).exists():
+            folders.append(sequence.truth)
+        by = [float(x) for x in re.findall(r"([0-9.]+) (?:m|cm)\b", call([example, sequence.path, "--masks", *folders]))]
+        rows.append([sequence.name, inside, by])
+    return rows
+
+
+def speed():
+    """Frames per second of whole runs with mapping on this machine (2 cores, shared with others), and what tracking takes
+    a frame [ms]; medians of three runs.
+
+    dynslam run SEQ --dynamics MODE"""
+    sequence = next((s for s in sq.recorded() if s.key == sq.RECORDED[0][0]), None)
+    if sequence is None:
+        return []
+    rows = []
+    for mode in ("none", "geometric"):
+        found = []
+        for n in (1, 2, 3):
+            out = sq.WORK / "speed" / mode / str(n)
+            shutil.rmtree(out, ignore_errors=True)
+            call([sq.PROGRAM, "run", sequence.path, "--dynamics", mode, "--seed", n, "--out", out])
+            summary = json.loads((out / "summary.json").read_text())
+            stage = summary["stages"]["tracking"]
+            found.append((summary["fps"], stage["median_ms"], stage["p95_ms"]))
+        rows.append([sequence.name, f"`{mode}`",
+                     *(f"{statistics.median(column):.{d}f}" for column, d in zip(zip(*found), (0, 1, 1)))])
+    return table(["sequence", "mode", "frames/s", "tracking, median", "tracking, p95"], rows)
+
+
+def live():
+    """A recording played at its pace, 30 Hz (`--live`), `geometric` with mapping on this machine: frames dropped because
+    they came too late, and what the others waited for their pose [ms].
+
+    dynslam run SEQ --live --dynamics geometric"""
+    sequence = next((s for s in sq.recorded() if s.key == sq.RECORDED[0][0]), None)
+    if sequence is None:
+        return []
+    out = sq.WORK / "live"
+    call([sq.PROGRAM, "run", sequence.path, "--live", "--dynamics", "geometric", "--out", out])
+    said = json.loads((out / "summary.json").read_text())["live"]
+    frames = json.loads((out / "summary.json").read_text())["frames"] + said["dropped"]
+    return table(["sequence", "dropped", "latency, median", "95 %", "most"],
+                 [[sequence.name, f"{said['dropped']} of {frames}",
+                   *(f"{said['latency'][key]:.0f}" for key in ("median_ms", "p95_ms", "max_ms"))]])
+
+
+SECTIONS = {"Trajectories": trajectories, "Masks": masks, "The paper's method": paper, "Composed sequences": composed,
+            "Rendered sequences": rendered, "The demo": demo, "Loops": loops, "Readout measured": readout,
+            "Readout times": readout_times, "Sizes and rates": rates, "Wrong masks": faults, "Networks": networks,
+            "Guests": guests, "Speed": speed, "Live": live}
+
+HEAD = """# Results
+
+Written by `scripts/results.sh`; every other page quotes this one. Each table says the command behind it, the program's
+commit, the day and the machine. Recorded sequences are excerpts of TUM RGB-D (Sturm et al. 2012) and Bonn RGB-D Dynamic
+(Palazzolo et al. 2019); a row stands here as long as its sequence is at hand. Kernels: [benchmarks.md](benchmarks.md).
+
+"""
+
+
+def key_of(title):
+    return re.sub(r"[^a-z]+", "-", title.lower()).strip("-")
+
+
+def machine():
+    cpu = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo", encoding="utf-8")
+                if line.startswith("model name")), platform.machine())
+    return f"{cpu}, {os.cpu_count()} cores"
+
+
+def section(title, function):
+    lines = function()
+    if not lines:
+        return None
+    said, command = function.__doc__.rsplit("\n\n", 1)
+    said = "\n".join(line.strip() for line in said.splitlines())
+    return "\n".join([f"## {title}", "", said, "", f"    {command.strip()}", "", *lines, "",
+                      f"`scripts/results.sh {key_of(title)}`, commit {sq.commit()}, {datetime.date.today()}, {machine()}.", ""])
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="results.sh", description="Writes docs/results.md")
+    parser.add_argument("tables", nargs="*", help=f"all without any: {', '.join(map(key_of, SECTIONS))}")
+    parser.add_argument("--page", default=str(sq.ROOT / "docs/results.md"), help="file to write (docs/results.md)")
+    arguments = parser.parse_args()
+    known = {key_of(title): title for title in SECTIONS}
+    unknown = [name for name in arguments.tables if name not in known]
+    if unknown:
+        parser.error(f"no table '{unknown[0]}'")
+    if not pathlib.Path(sq.PROGRAM).exists():
+        sq.fail(f"{sq.PROGRAM} is missing: scripts/demo.sh builds it")
+    page = pathlib.Path(arguments.page)
+    old = {}
+    if page.exists():
+        for part in re.split(r"(?m)^(?=## )", page.read_text(encoding="utf-8"))[1:]:
+            old[part.splitlines()[0][3:]] = part.rstrip("\n") + "\n"
+    for name in arguments.tables or known:
+        print(f"results: {name}", file=sys.stderr, flush=True)
+        made = section(known[name], SECTIONS[known[name]])
+        if made:
+            old[known[name]] = made
+    page.write_text(HEAD + "\n".join(old[title] for title in SECTIONS if title in old), encoding="utf-8")
+    print(page)
+
+
+if __name__ == "__main__":
+    main()
