@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""check-quotes.py [ROOT]
+"""check-quotes.py [--update] [ROOT]
 
 Every measured number in README.md and docs/ is a quote of docs/results.md, which scripts/results.sh writes:
 
@@ -11,6 +11,8 @@ Every measured number in README.md and docs/ is a quote of docs/results.md, whic
 
 docs/results.md, docs/benchmarks.md (by scripts/bench.sh) and CHANGELOG.md (history) are not searched. Prints a line for
 each fault and exits with 1 where there is one.
+
+--update  first replaces quoted rows of tables by the rows of docs/results.md that begin with the same two cells
 """
 import pathlib
 import re
@@ -47,8 +49,28 @@ def faults_of(name, lines, quotable):
         yield f"{name}: <!-- {inside} --> is not closed"
 
 
+def update(page, quotable):
+    rows = {}
+    for line in quotable:
+        cells = line.split("|")
+        if len(cells) > 4:
+            rows.setdefault((cells[1], cells[2], len(cells)), []).append(line)
+    inside, lines = False, []
+    for line in page.read_text(encoding="utf-8").splitlines():
+        mark = BLOCK.fullmatch(line.strip())
+        inside = (not mark.group(1) and mark.group(2) == "results") if mark else inside
+        cells = line.split("|")
+        if inside and len(cells) > 4:
+            same = rows.get((cells[1], cells[2], len(cells)), [])
+            if len(same) == 1:
+                line = same[0]
+        lines.append(line)
+    page.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
 def main():
-    root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent)
+    arguments = [argument for argument in sys.argv[1:] if argument != "--update"]
+    root = pathlib.Path(arguments[0] if arguments else pathlib.Path(__file__).parent.parent)
     results = root / "docs/results.md"
     if not results.exists():
         print(f"{results} is missing: scripts/results.sh writes it")
@@ -57,6 +79,8 @@ def main():
     found = []
     for page in [root / "README.md", *sorted((root / "docs").glob("*.md"))]:
         if page.name not in GENERATED and page.exists():
+            if "--update" in sys.argv:
+                update(page, quotable)
             found += faults_of(page.relative_to(root), page.read_text(encoding="utf-8").splitlines(), quotable)
     print("\n".join(found) if found else "every number is a quote of docs/results.md")
     return 1 if found else 0

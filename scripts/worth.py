@@ -1,0 +1,125 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""What each part of the method is worth; scripts/worth.sh says how."""
+import argparse
+import math
+import pathlib
+import statistics
+import sys
+
+import sequences as sq
+
+ADDITIONS = ["surface_weights", "motion_prior", "strict_local_map", "second_look", "image_alignment", "look_around",
+             "doubted_points"]
+
+
+def without_addition(name):
+    kept = ", ".join(f'"{other}"' for other in ADDITIONS if other != name)
+    return f"[tracker]\nadditions = [{kept}]\n"
+
+
+# Name of a part -> what of the configuration leaves it out.
+PARTS = {
+    "keypoint_bodies": "[tracker.geometry.keypoint_seeds]\nterritory = 0.0\nbody_share = 2.0\n",
+    "outlines": "[tracker.geometry.outlines]\nshare = 2.0\nsure = 2.0\nstill = 0\nkeypoints = 0\n",
+    "background_motion": "[tracker.search]\nyoung_frames = 0\n",
+    "whole_surfaces": "[tracker.geometry.growing]\nwhole = 2.0\nstill = 2.0\n",
+    "unmeasured_pixels": "[tracker.geometry.unmeasured]\nreach = 0.0\n",
+    "colour_time": "[tracker.geometry.delay]\nreach = 0.0\n[tracker.geometry.delay.edge]\nreach = 0.0\n",
+    "vanished_piece": "[tracker]\nvanished_piece = 1.0\n",
+    "recovered_frames": "[tracker.search]\nrecovered_frames = 0\n",
+    "revise": "[tracker.search]\nrevise = false\n",
+    "smoothing": "[trajectory]\nsmooth = false\n",
+    "carried_masks": "[tracker.geometry.free_space]\ncarry = 0.0001\n",
+    **{name: without_addition(name) for name in ADDITIONS},
+}
+
+
+def sequences():
+    """Recorded, composed (seeds that nothing was tuned on) and rendered ones."""
+    found = sq.recorded()
+    rpy, xyz, bonn = (sq.RECORDED[k][0] for k in (1, 0, 6))
+    found += sq.composed("board", rpy, (51, 52), "rpy board") + sq.composed("p1,p2", rpy, (51, 52), "rpy people")
+    found += sq.composed("board", xyz, (53,), "xyz board") + sq.composed("p1,p2", xyz, (53,), "xyz people")
+    for sequence in sq.composed("board", bonn, (54,), "crowd board", camera="bonn"):
+        sequence.truth = None  # of the board alone, and people walk there, too
+        found.append(sequence)
+    for scenario, path in (("walking", "xyz"), ("sitting", "halfsphere"), ("board", "halfsphere"), ("empty", "rpy")):
+        found.append(sq.rendered(f"{scenario} {path} 4", "--path", path, "--scenario", scenario, "--seed", 4,
+                                 "--frames", 120))
+    return found
+
+
+def geometric_mean(values):
+    return math.exp(statistics.fmean(math.log(max(value, 1e-3)) for value in values))
+
+
+def ratios(of, base, seeds):
+    """Geometric mean over the sequences of ATE through that of the whole method, by seed."""
+    result = []
+    for k in range(len(seeds)):
+        pairs = [(a[k].get("trajectory"), b[k].get("trajectory")) for a, b in zip(of, base)]
+        result.append(geometric_mean([a / b for a, b in pairs if a and b]))
+    return result
+
+
+def mean_of(runs, key):
+    values = [run[key] for one in runs for run in one if run.get(key) is not None]
+    return statistics.fmean(values) if values else None
+
+
+def spread(base, seeds):
+    """By how much the geometric mean of ATE differs between seeds of the whole method (S.D., as a ratio)."""
+    means = [geometric_mean([one[k]["trajectory"] for one in base if one[k].get("trajectory")]) for k in range(len(seeds))]
+    return statistics.stdev(means) / statistics.fmean(means) if len(means) > 1 else 0.0
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="worth.sh", description="What each part of the method is worth")
+    parser.add_argument("parts", nargs="*", help=f"all without any: {', '.join(PARTS)}")
+    parser.add_argument("--only", default="", help="sequences whose name contains this")
+    parser.add_argument("--seeds", default="1,2,3")
+    parser.add_argument("--modes", default="geometric,both")
+    arguments = parser.parse_args()
+    for name in arguments.parts:
+        if name not in PARTS:
+            parser.error(f"no part '{name}'")
+    parts = arguments.parts or list(PARTS)
+    seeds = [int(seed) for seed in arguments.seeds.split(",")]
+    modes = arguments.modes.split(",")
+    # Fields of the configuration that are set to nothing else than what leaves the part out.
+    variants = {"whole": {"config": sq.config("masks")},
+                **{part: {"config": sq.config(part, PARTS[part])} for part in parts}}
+    chosen = [s for s in sequences() if arguments.only in s.name]
+    if not chosen:
+        parser.error(f"no sequence's name contains '{arguments.only}'")
+    found = {}
+    for sequence in chosen:
+        print(f"worth: {sequence.name}", file=sys.stderr, flush=True)
+        runs = sq.sweep(sequence, modes, seeds, variants=variants, group="worth")
+        for variant in variants:
+            for mode in modes:
+                found.setdefault((variant, mode), []).append(
+                    [sq.figures(sequence, runs[variant, mode, seed]) for seed in seeds])
+    lines = ["| left out | mode | ATE, ratio | seeds | lost frames | recall | IoU | spill | worst frame |",
+             "|---|---|---:|---:|---:|---:|---:|---:|---:|"]
+    for mode in modes:
+        base = found["whole", mode]
+        for variant in variants:
+            of = found[variant, mode]
+            lost = sum((run.get("frames") or 0) - (run.get("tracked") or 0) for one in of for run in one)
+            by_seed = ratios(of, base, seeds)
+            numbers = [sq.text(mean_of(of, key), 3, factor) for key, factor in
+                       (("recall", 1), ("iou", 1), ("spill", 100), ("spill_worst", 100))]
+            lines.append("| " + " | ".join([
+                "nothing" if variant == "whole" else variant, f"`{mode}`", f"{statistics.median(by_seed):.3f}",
+                f"± {spread(base, seeds):.3f}" if variant == "whole" else " ".join(f"{r:.3f}" for r in by_seed),
+                str(lost), *numbers]) + " |")
+    page = sq.WORK / "worth.md"
+    page.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    print("\n".join(lines))
+    print(page, file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
