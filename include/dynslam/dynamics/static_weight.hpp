@@ -20,8 +20,8 @@ template <Scalar S>
 [[nodiscard]] S squared_normalised(const KeypointResiduals<S>& e, const StaticWeightScales<S>& scales) {
   const auto square = [](const S& value, const S& sigma) { return S(value * value / (sigma * sigma)); };
   S s = square(e.reprojection, scales.reprojection);
-  if (e.has_photometric) s += square(e.photometric, scales.photometric);
-  if (e.has_depth) s += square(e.depth, scales.depth);
+  if (e.photometric) s += square(*e.photometric, scales.photometric);
+  if (e.depth) s += square(*e.depth, scales.depth);
   return s;
 }
 
