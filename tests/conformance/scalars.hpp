@@ -197,7 +197,7 @@ void errors_and_weights(const SE3<S>& T, Record<S>& out) {
   kernel("huber", Huber<S>());
   kernel("cauchy", Cauchy<S>());
   kernel("tukey", Tukey<S>());
-  kernel("t", TDistribution<S>(S(5)));
+  kernel("t", TDistribution<S>::with_dimension(S(5), 1));
   kernel("t.dimension", TDistribution<S>::with_dimension(S(5), 3));
 }
 

@@ -87,7 +87,7 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera, DepthImage D>
   observations.resize(kept);
   const PoseResult<S> pose =
       optimize_pose(camera, std::span<const PoseObservation<S>>(observations), found.T_c_w, options.pose,
-                    TDistribution<S>{options.nu}, workspace.pose);
+                    TDistribution<S>::with_dimension(options.nu, 1), workspace.pose);
   if (pose.ok()) found.T_c_w = pose.T_c_w;
   return found;
 }

@@ -66,7 +66,7 @@ struct StaticWeightsOptions {
 
   /// Eq (7) as the paper prints it: nu = 11 and the numerator 12 for every d. tau is chosen such that a match
   /// with all three errors is dynamic from the same squared normalised error on as by the default form (27).
-  [[nodiscard]] static StaticWeightsOptions as_printed() {
+  [[nodiscard]] static StaticWeightsOptions paper() {
     StaticWeightsOptions options;
     options.nu = S(11);
     options.numerator = S(12);

@@ -100,7 +100,7 @@ class MatchedPose {
     gather(map, frame);
     PoseOptions<S> options;
     options.min_pixel_scale = options_.min_pixel_scale;
-    const TDistribution<S> kernel{options_.nu};
+    const auto kernel = TDistribution<S>::with_dimension(options_.nu, 1);
     const std::span<const PoseObservation<S>> observations(observations_);
     if (shutter_.moves()) {
       share_.clear();

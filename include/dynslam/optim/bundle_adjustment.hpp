@@ -31,6 +31,7 @@ struct BundleObservation {
   S depth = S(0);            ///< along the optical axis [m]; invalid: reprojection only
   S inv_sigma_px2 = S(1);    ///< [1/px^2]
   S inv_sigma_z2 = S(0);     ///< [1/m^2]
+
 };
 
 /// What is adjusted. The spans must outlive the call; poses and points are changed in place.
@@ -389,7 +390,7 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera>
 BundleResult<S> bundle_adjust(const Camera& camera, const BundleProblem<S>& problem,
                               const BundleOptions<S>& options = {}) {
   BundleWorkspace<S> workspace;
-  return bundle_adjust(camera, problem, options, TDistribution<S>(), workspace);
+  return bundle_adjust(camera, problem, options, TDistribution<S>::with_dimension(S(5), 1), workspace);
 }
 
 }  // namespace dynslam

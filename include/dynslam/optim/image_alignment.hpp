@@ -105,7 +105,7 @@ class ImageAlignmentProblem {
         image_(image),
         inverse_size_(pixel_size.cwiseInverse().cast<S>()),
         options_(options),
-        kernel_(options.nu),
+        kernel_(TDistribution<S>::with_dimension(options.nu, 1)),
         ws_(workspace) {}
 
   /// Minimises from a motion. @return false, with nothing changed: from there nothing of the reference is
