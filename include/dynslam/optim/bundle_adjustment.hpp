@@ -32,6 +32,19 @@ struct BundleObservation {
   S inv_sigma_px2 = S(1);    ///< [1/px^2]
   S inv_sigma_z2 = S(0);     ///< [1/m^2]
 
+  BundleObservation() = default;
+  /// Without depth, its pixel with a standard deviation of 1 px.
+  BundleObservation(int pose_index, int point_index, const Eigen::Matrix<S, 2, 1>& pixel)
+      : pose(pose_index), point(point_index), x(pixel) {}
+  /// With depth, which counts by its accuracy.
+  BundleObservation(int pose_index, int point_index, const Eigen::Matrix<S, 2, 1>& pixel, const S& z,
+                    const S& pixel_information, const S& depth_information)
+      : pose(pose_index),
+        point(point_index),
+        x(pixel),
+        depth(z),
+        inv_sigma_px2(pixel_information),
+        inv_sigma_z2(depth_information) {}
 };
 
 /// What is adjusted. The spans must outlive the call; poses and points are changed in place.
