@@ -26,7 +26,8 @@ struct Frame {
   SE3<S> T_c_w;
 
   /// For guided_match(), without the features on what moves. Valid while the frame is not changed.
-  [[nodiscard]] FeatureView view() const { return {features, descriptors, dynamic, grid}; }
+  [[nodiscard]] FeatureView view() const& { return {features, descriptors, dynamic, grid}; }
+  FeatureView view() const&& = delete;
 };
 
 }  // namespace dynslam
