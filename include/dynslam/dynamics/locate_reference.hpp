@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cmath>
 #include <concepts>
 #include <span>
@@ -93,3 +95,5 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera, DepthImage D>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

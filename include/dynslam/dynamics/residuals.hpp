@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <cmath>
 #include <concepts>
@@ -59,3 +61,5 @@ struct KeypointResiduals {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -278,3 +280,5 @@ template <DifferentiableCamera C, ImageLike A, ImageLike B, DepthImage D, class 
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

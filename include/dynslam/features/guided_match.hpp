@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
@@ -87,3 +89,5 @@ template <class Accept = AcceptAll>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

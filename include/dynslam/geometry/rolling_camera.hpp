@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <optional>
 
@@ -61,3 +63,5 @@ class RollingCamera {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <optional>
@@ -84,3 +86,5 @@ class RollingShutter {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cstddef>
 #include <vector>
@@ -56,3 +58,5 @@ class Image {
 static_assert(DepthImage<Image<float>> && DepthImage<Image<double>> && LabelImage<Image<unsigned char>>);
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

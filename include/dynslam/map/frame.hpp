@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -31,3 +33,5 @@ struct Frame {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

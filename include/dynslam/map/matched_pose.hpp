@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <concepts>
 #include <cstddef>
@@ -153,3 +155,5 @@ MatchedPose(const Camera&, const MatchedPoseOptions<typename Camera::ScalarType>
     -> MatchedPose<typename Camera::ScalarType, Camera>;
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -259,3 +261,5 @@ class PlaceVerifier {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

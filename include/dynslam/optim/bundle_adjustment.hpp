@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
@@ -22,30 +24,6 @@
 #include "dynslam/robust/t_distribution.hpp"
 
 namespace dynslam {
-
-/// One sight of a point: which pose, which point, where, how far.
-template <Scalar S>
-struct BundleObservation {
-  int pose = 0, point = 0;
-  Eigen::Matrix<S, 2, 1> x;  ///< pixel of the camera that it is used with
-  S depth = S(0);            ///< along the optical axis [m]; invalid: reprojection only
-  S inv_sigma_px2 = S(1);    ///< [1/px^2]
-  S inv_sigma_z2 = S(0);     ///< [1/m^2]
-
-  BundleObservation() = default;
-  /// Without depth, its pixel with a standard deviation of 1 px.
-  BundleObservation(int pose_index, int point_index, const Eigen::Matrix<S, 2, 1>& pixel)
-      : pose(pose_index), point(point_index), x(pixel) {}
-  /// With depth, which counts by its accuracy.
-  BundleObservation(int pose_index, int point_index, const Eigen::Matrix<S, 2, 1>& pixel, const S& z,
-                    const S& pixel_information, const S& depth_information)
-      : pose(pose_index),
-        point(point_index),
-        x(pixel),
-        depth(z),
-        inv_sigma_px2(pixel_information),
-        inv_sigma_z2(depth_information) {}
-};
 
 /// What is adjusted. The spans must outlive the call; poses and points are changed in place.
 template <Scalar S>
@@ -407,3 +385,5 @@ BundleResult<S> bundle_adjust(const Camera& camera, const BundleProblem<S>& prob
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

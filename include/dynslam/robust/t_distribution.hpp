@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <Eigen/LU>
 #include <algorithm>
@@ -163,3 +165,5 @@ template <std::floating_point S, int D>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

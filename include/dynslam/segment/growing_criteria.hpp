@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cmath>
 #include <concepts>
 
@@ -129,3 +131,5 @@ class SmoothSurfaceStep {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -199,3 +201,5 @@ void complete_unmeasured(const G& gray, const D& depth, Mask&& mask, const Unmea
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

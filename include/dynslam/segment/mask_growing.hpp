@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cstddef>
@@ -184,3 +186,5 @@ MaskGrowingResult grow_mask(const D& depth, const Last& last, Seed&& seed, Barri
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

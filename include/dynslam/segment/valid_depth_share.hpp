@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cstddef>
 
@@ -55,3 +57,5 @@ class ValidDepthShare {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
@@ -68,3 +70,5 @@ struct MaskShares {
 [[nodiscard]] std::string to_text(const MaskShares& shares);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"
