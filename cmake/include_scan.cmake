@@ -6,7 +6,8 @@
 #    wide_vectors.hpp alone the compiler's vector instructions;
 #  - inside the core in one direction: config and wide_vectors <- concepts <- image, geometry, robust <- the other folders;
 #  - interop headers: the core and one library, never the runtime;
-#  - the umbrella header dynslam.hpp: every header of the core.
+#  - the umbrella header dynslam.hpp: every header of the core;
+#  - every header, those of the runtime, too: push_macros.hpp first, pop_macros.hpp last.
 # Each fault is one line, FILE:LINE: reason. With EXPECT_FAULTS=n exactly n faults are a success.
 cmake_minimum_required(VERSION 3.24)
 
@@ -20,7 +21,7 @@ set(std_headers
 
 # The layer of a header given by its path below include/dynslam/.
 function(layer path out)
-  if(path MATCHES "^(config|wide_vectors)\\.hpp$")
+  if(path MATCHES "^(config|wide_vectors|push_macros|pop_macros)\\.hpp$")
     set(${out} 0 PARENT_SCOPE)
   elseif(path MATCHES "^concepts/")
     set(${out} 1 PARENT_SCOPE)
@@ -80,6 +81,20 @@ foreach(header IN LISTS headers)
       message("${header}:${number}: includes ${included}: ${reason}")
     endif()
   endforeach()
+endforeach()
+
+file(GLOB_RECURSE runtime_headers ${ROOT}/runtime/include/dynslam/*.hpp)
+foreach(header IN LISTS headers runtime_headers)
+  if(header MATCHES "/(push|pop)_macros\\.hpp$")
+    continue()
+  endif()
+  file(READ ${header} text)
+  string(REGEX MATCH "#include[^\n]*" first "${text}")
+  if(NOT first STREQUAL "#include \"dynslam/push_macros.hpp\"" OR
+     NOT text MATCHES "\n#include \"dynslam/pop_macros.hpp\"\n$")
+    math(EXPR faults "${faults} + 1")
+    message("${header}:1: does not include dynslam/push_macros.hpp first and dynslam/pop_macros.hpp last")
+  endif()
 endforeach()
 
 if(EXISTS ${base}/dynslam.hpp)

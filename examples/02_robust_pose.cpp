@@ -59,7 +59,7 @@ int main() {
 
   // Starts 5 cm and some degrees beside the truth.
   const SE3d initial = SE3d::exp((Vector6() << 0.03, -0.03, 0.02, 0.03, 0.02, -0.03).finished()) * T_c_w;
-  const dynslam::TDistribution<double> kernel;
+  const auto kernel = dynslam::TDistribution<double>::with_dimension(5, 1);
   dynslam::PoseWorkspace<double> workspace;
   const auto result = dynslam::optimize_pose<double>(camera, observations, initial,
                                                      dynslam::PoseOptions<double>(), kernel, workspace);

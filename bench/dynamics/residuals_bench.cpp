@@ -122,14 +122,9 @@ void one_by_one(benchmark::State& state) {
       const Eigen::Matrix<S, 2, 1> x_m = p.matches[k].x_m.cast<S>();
       const auto x = camera.project(p_c);
       if (!x) continue;
-      KeypointResiduals<S> r;
-      r.reprojection = reprojection_residual(*x, x_m);
-      const auto e_i = photometric_residual(p.reference, p.matches[k].x.cast<S>().eval(), p.gray, *x);
-      const auto e_d = depth_residual(p_c, p.depth, x_m);
-      r.has_photometric = e_i.has_value();
-      r.has_depth = e_d.has_value();
-      r.photometric = e_i.value_or(S(0));
-      r.depth = e_d.value_or(S(0));
+      const KeypointResiduals<S> r{
+          photometric_residual(p.reference, p.matches[k].x.cast<S>().eval(), p.gray, *x),
+          reprojection_residual(*x, x_m), depth_residual(p_c, p.depth, x_m)};
       const S sigma = S(kSigma[2]) * DepthNoise<S>{}.sigma(p_c.z());
       weight[k] = static_weight(r, StaticWeightScales<S>{S(kSigma[0]), S(kSigma[1]), sigma}, S(kNu));
     }

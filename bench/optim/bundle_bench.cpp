@@ -27,8 +27,8 @@ double least_cost() {
     options.max_iterations = 200;
     options.tolerance = 1e-12;
     BundleWorkspace<double> workspace;
-    return bundle_adjust<double>(bench::camera<double>(), window.problem(), options, TDistribution<double>(),
-                                 workspace)
+    return bundle_adjust<double>(bench::camera<double>(), window.problem(), options,
+                                 TDistribution<double>::with_dimension(5, 1), workspace)
         .final_cost;
   }();
   return cost;
@@ -58,8 +58,8 @@ void ours(benchmark::State& state) {
   time_bundle(state, [&] {
     window.poses = start.poses;
     window.points = start.points;
-    const auto result =
-        bundle_adjust<S>(bench::camera<S>(), window.problem(), options, TDistribution<S>(), workspace);
+    const auto result = bundle_adjust<S>(bench::camera<S>(), window.problem(), options,
+                                         TDistribution<S>::with_dimension(S(5), 1), workspace);
     iterations = result.iterations;
     return static_cast<double>(result.final_cost);
   });

@@ -136,8 +136,8 @@ void ours_absolute(benchmark::State& state, double outliers) {
     const auto found = absolute_pose<S>(camera, problem.observations, {}, workspace);
     PoseOptions<S> options;
     options.rounds = 1;
-    return optimize_pose<S>(camera, problem.observations, found.T_c_w, options, TDistribution<S>(),
-                            refinement)
+    return optimize_pose<S>(camera, problem.observations, found.T_c_w, options,
+                            TDistribution<S>::with_dimension(S(5), 1), refinement)
         .T_c_w;
   });
 }
@@ -159,10 +159,12 @@ void register_ours() {
   };
   least_squares("pose_only/300_pixels", false);
   least_squares("pose_only/300_depth", true);
-  bench::add("pose_only/300_robust", name, "dynslam",
-             [](benchmark::State& s) { ours<S>(s, 0.15, true, 1, TDistribution<S>()); });
-  bench::add("pose_only/300_robust_3_rounds", name, "dynslam",
-             [](benchmark::State& s) { ours<S>(s, 0.15, true, 3, TDistribution<S>()); });
+  bench::add("pose_only/300_robust", name, "dynslam", [](benchmark::State& s) {
+    ours<S>(s, 0.15, true, 1, TDistribution<S>::with_dimension(S(5), 1));
+  });
+  bench::add("pose_only/300_robust_3_rounds", name, "dynslam", [](benchmark::State& s) {
+    ours<S>(s, 0.15, true, 3, TDistribution<S>::with_dimension(S(5), 1));
+  });
   for (const int percent : {15, 40}) {
     const std::string size = "/300_" + std::to_string(percent) + "_percent_wrong";
     const double outliers = 0.01 * percent;

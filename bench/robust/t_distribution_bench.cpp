@@ -55,7 +55,7 @@ void weigh(benchmark::State& state, const Kernel& kernel) {
 
 template <class S>
 void weight_t_distribution(benchmark::State& state) {
-  weigh<dynslam::TDistribution<S>, S>(state, dynslam::TDistribution<S>());
+  weigh<dynslam::TDistribution<S>, S>(state, dynslam::TDistribution<S>::with_dimension(S(5), 1));
 }
 BENCHMARK_TEMPLATE(weight_t_distribution, float)->Name("robust/t_distribution_4096/float/dynslam");
 BENCHMARK_TEMPLATE(weight_t_distribution, double)->Name("robust/t_distribution_4096/double/dynslam");

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <cstdlib>
 
@@ -74,3 +76,5 @@ void prefetch_object(const T& object) {
 #ifndef DYNSLAM_NO_DANGLING
 #define DYNSLAM_NO_DANGLING
 #endif
+
+#include "dynslam/pop_macros.hpp"

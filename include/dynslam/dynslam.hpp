@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 /// All headers of the core. The adapters for OpenCV and OctoMap (dynslam/interop/) are included on their own.
 #include "dynslam/concepts/camera.hpp"
 #include "dynslam/concepts/image.hpp"
@@ -135,3 +137,5 @@
 #include "dynslam/semantic/voxel_key.hpp"
 #include "dynslam/version.hpp"
 #include "dynslam/wide_vectors.hpp"
+
+#include "dynslam/pop_macros.hpp"

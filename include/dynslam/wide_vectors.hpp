@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cmath>
 #include <concepts>
 #include <type_traits>
@@ -104,3 +106,5 @@ void square_roots(const S* x, S* root) {
 }
 
 }  // namespace dynslam::detail
+
+#include "dynslam/pop_macros.hpp"

@@ -13,8 +13,7 @@ struct Camera {
   }
 #ifdef RIGHT
   std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& p, Eigen::Matrix<double, 2, 3>* J) const {
-    if (J != nullptr)
-      *J << 1 / p.z(), 0, -p.x() / (p.z() * p.z()), 0, 1 / p.z(), -p.y() / (p.z() * p.z());
+    if (J != nullptr) *J << 1 / p.z(), 0, -p.x() / (p.z() * p.z()), 0, 1 / p.z(), -p.y() / (p.z() * p.z());
     return p.hnormalized();
   }
 #endif
@@ -23,6 +22,6 @@ struct Camera {
 dynslam::PoseResult<double> pose(std::span<const dynslam::PoseObservation<double>> observations) {
   dynslam::PoseWorkspace<double> workspace;
   return dynslam::optimize_pose<double>(Camera(), observations, dynslam::SE3<double>(),
-                                        dynslam::PoseOptions<double>(), dynslam::TDistribution<double>(5.0),
-                                        workspace);
+                                        dynslam::PoseOptions<double>(),
+                                        dynslam::TDistribution<double>::with_dimension(5.0, 1), workspace);
 }

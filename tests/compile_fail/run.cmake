@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# The natural mistakes do not compile, and the compiler names the concept that was not met in one line; the same
-# source with the mistake mended (-D RIGHT) compiles. Needs COMPILER, SOURCE (the tree) and EIGEN (its headers).
+# The natural mistakes do not compile, and the compiler names the concept that was not met, or what was not to be called
+# like that, in one line; the same source with the mistake mended (-D RIGHT) compiles. Needs COMPILER, SOURCE (the tree) and EIGEN (its headers).
 file(GLOB snippets ${SOURCE}/tests/compile_fail/*.cpp)
 if(NOT snippets)
   message(FATAL_ERROR "no snippets")
@@ -18,8 +18,8 @@ foreach(snippet IN LISTS snippets)
   list(LENGTH errors count)
   if(wrong EQUAL 0)
     message(SEND_ERROR "${snippet}: compiles, mistake and all")
-  elseif(NOT output MATCHES "(constraint|concept|satisf|because)[^\n]*${expected}")
-    message(SEND_ERROR "${snippet}: no line of the compiler's says that ${expected} is not met:\n${output}")
+  elseif(NOT output MATCHES "(constraint|concept|satisf|because|no matching|could not convert|deleted)[^\n]*${expected}")
+    message(SEND_ERROR "${snippet}: no line of the compiler's says that ${expected} is what is wrong:\n${output}")
   elseif(count GREATER 2)
     message(SEND_ERROR "${snippet}: ${count} errors instead of one:\n${output}")
   endif()

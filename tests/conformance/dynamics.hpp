@@ -123,7 +123,7 @@ template <class Kind, class Camera>
       out.put("dynamic", (result.dynamic[i] != 0 || result.mismatch[i] != 0) == ((i + 1) % 6 == 0));
   };
   using Matches = std::span<const KeypointMatch<S>>;
-  for (const auto& options : {StaticWeightsOptions<S>{}, StaticWeightsOptions<S>::as_printed()})
+  for (const auto& options : {StaticWeightsOptions<S>{}, StaticWeightsOptions<S>::paper()})
     put(static_weights(camera, Matches(matches), Kind::in(before), Kind::in(now), Kind::in(depth), T, options,
                        workspace));
   put(static_weights(camera, Matches(matches), Kind::in(before), Kind::in(now), Kind::in(depth), T));

@@ -187,8 +187,8 @@ TEST_CASE_TEMPLATE("features in the pixels of every camera make points, poses an
   BundleWorkspace<S> workspace;
   BundleOptions<S> options;
   options.max_iterations = 20;
-  const auto adjusted =
-      bundle_adjust(wall.camera, window.problem(), options, TDistribution<S>(S(5)), workspace);
+  const auto adjusted = bundle_adjust(wall.camera, window.problem(), options,
+                                      TDistribution<S>::with_dimension(S(5), 1), workspace);
   CHECK(adjusted.ok());
   (void)window.apply(wall.camera, wall.map);
   CHECK((wall.map.pose(1) * wall.T_c1_w.inverse()).log().norm() < S(0.005));

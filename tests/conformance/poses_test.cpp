@@ -61,7 +61,7 @@ void poses(test::Record<double>& out) {
     out.put("optimize_pose.inliers", result.inliers);
     put_pose(out, "optimize_pose", result.T_c_w);
   };
-  with(TDistribution<S>(S(5)));
+  with(TDistribution<S>::with_dimension(S(5), 1));
   with(Tukey<S>());
   put_pose(out, "optimize_pose.short", optimize_pose(camera, view, start).T_c_w);
   std::vector<S> rows;

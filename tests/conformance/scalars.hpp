@@ -175,14 +175,10 @@ void errors_and_weights(const SE3<S>& T, Record<S>& out) {
   const auto e_d = depth_residual(p_c, depth, x_m);
   REQUIRE(e_i.has_value());
   REQUIRE(e_d.has_value());
-  KeypointResiduals<S> e;
-  e.photometric = *e_i;
-  e.reprojection = reprojection_residual(*projected, x_m);
-  e.depth = *e_d;
-  e.has_photometric = e.has_depth = true;
-  out.put("photometric", e.photometric);
+  const KeypointResiduals<S> e{e_i, reprojection_residual(*projected, x_m), e_d};
+  out.put("photometric", *e_i);
   out.put("reprojection", e.reprojection);
-  out.put("depth", e.depth);
+  out.put("depth", *e_d);
   const StaticWeightScales<S> scales{S(6), S(2), S(0.02)};
   const S s = squared_normalised(e, scales);
   out.put("squared_normalised", s);
@@ -201,7 +197,7 @@ void errors_and_weights(const SE3<S>& T, Record<S>& out) {
   kernel("huber", Huber<S>());
   kernel("cauchy", Cauchy<S>());
   kernel("tukey", Tukey<S>());
-  kernel("t", TDistribution<S>(S(5)));
+  kernel("t", TDistribution<S>::with_dimension(S(5), 1));
   kernel("t.dimension", TDistribution<S>::with_dimension(S(5), 3));
 }
 

@@ -53,7 +53,7 @@ void statistics_of(test::Record<double>& out) {
   out.put("classify", static_cast<double>(classify<S>(r, S(0), dynamic)));
   out.put("is_dynamic", is_dynamic(S(0.1), S(0.25)));
   out.put("statistics", static_cast<double>(statistics<S>(r).rmse));
-  RhoSum<S, TDistribution<S>> joint{TDistribution<S>()};
+  RhoSum<S, TDistribution<S>> joint{TDistribution<S>::with_dimension(S(5), 1)};
   const Huber<S> huber;
   RhoSum<S, Huber<S>> one_by_one(huber);
   for (const S e : r) {

@@ -49,13 +49,9 @@ std::array<S, 4> evaluate(const Scene& scene, const Camera& camera, const Eigen:
   const auto e_i = photometric_residual(scene.reference, x, scene.current, *projected);
   const auto e_d = depth_residual(p, scene.depth, x_m);
   REQUIRE((e_i && e_d));
-  KeypointResiduals<S> e;
-  e.photometric = *e_i;
-  e.reprojection = reprojection_residual(*projected, x_m);
-  e.depth = *e_d;
-  e.has_photometric = e.has_depth = true;
+  const KeypointResiduals<S> e{e_i, reprojection_residual(*projected, x_m), e_d};
   const StaticWeightScales<S> scales{S(6.0), S(0.7), S(0.02)};
-  return {e.photometric, e.reprojection, e.depth, static_weight<S>(e, scales, S(5.0))};
+  return {*e_i, e.reprojection, *e_d, static_weight<S>(e, scales, S(5.0))};
 }
 
 /// Derivatives by the pose of dual numbers against central differences in double.

@@ -56,13 +56,15 @@ TEST_CASE_TEMPLATE("a static point has no errors, a moved one has (Eqs 3, 5, 6)"
 
 TEST_CASE_TEMPLATE("Eq (7): the joint weight, with errors that are missing", S, float, double) {
   const StaticWeightScales<S> scales{S(5), S(1), S(0.02)};
-  KeypointResiduals<S> e{S(10), S(2), S(0.06), true, true};
+  // Fault: an error that was given did not count unless a flag beside it was set.
+  KeypointResiduals<S> e{S(10), S(2), S(0.06)};
+  CHECK(e.dimension() == 3);
   CHECK(squared_normalised(e, scales) == doctest::Approx(4.0 + 4.0 + 9.0));
   CHECK(static_weight(e, scales, S(5)) == doctest::Approx(8.0 / 22.0));
   CHECK(static_weight(e, scales, TDistribution<S>::paper()) == doctest::Approx(12.0 / 28.0));  // as printed
-  e.has_depth = false;
+  e.depth.reset();
   CHECK(static_weight(e, scales, S(5)) == doctest::Approx(7.0 / 13.0));
-  e.has_photometric = false;
+  e.photometric.reset();
   CHECK(static_weight(e, scales, S(5)) == doctest::Approx(6.0 / 9.0));
 }
 
@@ -73,10 +75,10 @@ TEST_CASE("tau separates moving from static keypoints") {
   constexpr int kPoints = 2000;
   for (int i = 0; i < kPoints; ++i) {
     KeypointResiduals<double> e{5 * rng.normal(), std::hypot(rng.normal(), rng.normal()) / std::sqrt(2.0),
-                                0.02 * rng.normal(), true, true};
+                                0.02 * rng.normal()};
     static_kept += is_dynamic(static_weight(e, scales, 5.0), 0.25) ? 0 : 1;
     e.reprojection += rng.uniform(5, 30);
-    e.depth += rng.uniform(0.03, 0.3);
+    *e.depth += rng.uniform(0.03, 0.3);
     moving_found += is_dynamic(static_weight(e, scales, 5.0), 0.25) ? 1 : 0;
   }
   CHECK(static_kept > kPoints * 99 / 100);
@@ -98,7 +100,7 @@ TEST_CASE_TEMPLATE("perfect matches are static: scales of exact residuals still 
   const auto sigma = estimate_scale<S>(std::span<const S>(exact), {}, ScaleOptions<S>(), workspace);
   REQUIRE(sigma);
   const StaticWeightScales<S> scales{*sigma, *sigma, *sigma};
-  const KeypointResiduals<S> perfect{S(0), S(0), S(0), true, true};
+  const KeypointResiduals<S> perfect{S(0), S(0), S(0)};
   const S w = static_weight(perfect, scales, S(5));
   CHECK(w == doctest::Approx(8.0 / 5.0));
   CHECK_FALSE(is_dynamic(w, S(0.25)));

@@ -174,9 +174,8 @@ TEST_CASE_TEMPLATE("the form of the print finds the same matches dynamic, with i
                    double) {
   const Pinhole<S> camera(S(170), S(170), S(99.5), S(74.5));
   const TwoViews<Pinhole<S>> views(camera, {0.15, 0.05}, 0.3);
-  const auto printed =
-      static_weights(camera, views.matches, views.reference.gray, views.current.gray, views.current.depth,
-                     views.pose(), StaticWeightsOptions<S>::as_printed());
+  const auto printed = static_weights(camera, views.matches, views.reference.gray, views.current.gray,
+                                      views.current.depth, views.pose(), StaticWeightsOptions<S>::paper());
   REQUIRE(printed.ok());
   for (const S w : printed.weight) CHECK(w <= S(12) / S(11));
   const Counts n = count(views, printed);

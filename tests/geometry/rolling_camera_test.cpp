@@ -60,6 +60,17 @@ TEST_CASE_TEMPLATE("a rolling shutter's camera sees a point where it is when its
   }
 }
 
+TEST_CASE_TEMPLATE("it keeps its camera, which may have been a temporary one", S, float, double) {
+  using Camera = RollingCamera<PinholeBrownConrady<S>>;
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+  // Fault: it referred to the camera; under the address sanitizer, a use after scope.
+  const auto make = [] { return Camera(lens<S>(), turning_shutter<S>()); };
+  const Camera rolling = make();
+  const PinholeBrownConrady<S> camera = lens<S>();
+  const Vector3 p(S(0.3), S(-0.4), S(1.7));
+  CHECK(*rolling.project(p) == *Camera(camera, turning_shutter<S>()).project(p));
+}
+
 TEST_CASE_TEMPLATE("without motion it is the camera itself, to the bit", S, float, double) {
   using Vector2 = Eigen::Matrix<S, 2, 1>;
   using Vector3 = Eigen::Matrix<S, 3, 1>;

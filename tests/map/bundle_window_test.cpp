@@ -67,7 +67,8 @@ struct World {
 
   BundleResult<S> adjust(BundleWindow<S>& window) {
     BundleWorkspace<S> workspace;
-    return bundle_adjust<S>(camera, window.problem(), BundleOptions<S>{}, TDistribution<S>(S(5)), workspace);
+    return bundle_adjust<S>(camera, window.problem(), BundleOptions<S>{},
+                            TDistribution<S>::with_dimension(S(5), 1), workspace);
   }
 };
 

@@ -72,7 +72,7 @@ TEST_CASE_TEMPLATE("with a warm workspace the pose is found without allocation",
   const auto all = sights<S>(rng, 300);
   const std::vector<PoseObservation<S>> few(all.begin(), all.begin() + 100);
   const Pinhole<S> camera = test::kFreiburg3.cast<S>();
-  const TDistribution<S> kernel(S(5));
+  const auto kernel = TDistribution<S>::with_dimension(S(5), 1);
   PoseWorkspace<S> workspace;
   PoseOptions<S> options;
   options.min_pixel_scale = S(0.5);  // the branch that needs scratch memory
@@ -107,7 +107,9 @@ TEST_CASE("with a warm workspace a window is adjusted without allocation") {
   const test::Window window = test::make_window(rng, 8, 100, 0.05);
   BundleWorkspace<double> workspace;
   const auto run = [&](test::Window& w) {
-    CHECK(bundle_adjust<double>(test::kFreiburg3, w.problem(), {}, TDistribution<double>(5), workspace).ok());
+    CHECK(bundle_adjust<double>(test::kFreiburg3, w.problem(), {},
+                                TDistribution<double>::with_dimension(5, 1), workspace)
+              .ok());
   };
   test::Window first = window, second = window;
   if (test::counts_allocations()) CHECK(test::allocations_of([&] { run(first); }) > 0);

@@ -93,7 +93,7 @@ TEST_CASE_TEMPLATE("the pose is found with any camera", Camera, CAMERAS) {
   CHECK(error(exact.T_c_w) < (std::same_as<S, float> ? 1e-4 : 1e-9));
   PoseWorkspace<S> workspace;
   const auto noisy = optimize_pose<S>(camera, sights(rng, camera, 300, 0.3, 0.5), start, {},
-                                      TDistribution<S>(S(5)), workspace);
+                                      TDistribution<S>::with_dimension(S(5), 1), workspace);
   CHECK(noisy.ok());
   CHECK(error(noisy.T_c_w) < 3e-3);
 }

@@ -18,8 +18,8 @@ TEST_CASE("the final cost is Ceres' on the same windows") {
     BundleOptions<double> options;
     options.max_iterations = 100;
     options.tolerance = 1e-12;
-    const auto result =
-        bundle_adjust<double>(test::kFreiburg3, w.problem(), options, TDistribution<double>(5), workspace);
+    const auto result = bundle_adjust<double>(test::kFreiburg3, w.problem(), options,
+                                              TDistribution<double>::with_dimension(5, 1), workspace);
     CHECK(result.status == BundleStatus::converged);
     CHECK(result.final_cost == doctest::Approx(oracle).epsilon(1e-6));
     CHECK(w.pose_error() < 0.01);

@@ -28,8 +28,8 @@ TEST_CASE("without noise the window is restored to rounding") {
   BundleOptions<double> options;
   options.max_iterations = 40;
   options.tolerance = 1e-16;
-  const auto result =
-      bundle_adjust<double>(test::kFreiburg3, w.problem(), options, TDistribution<double>(5), workspace);
+  const auto result = bundle_adjust<double>(test::kFreiburg3, w.problem(), options,
+                                            TDistribution<double>::with_dimension(5, 1), workspace);
   CHECK(result.ok());
   CHECK(result.final_cost < 1e-12 * result.initial_cost);
   CHECK(w.pose_error() < 1e-7);
@@ -43,8 +43,8 @@ TEST_CASE("fixed poses do not move, unobserved points stay, the status is honest
   BundleWorkspace<double> workspace;
   BundleOptions<double> one;
   one.max_iterations = 1;
-  const auto result =
-      bundle_adjust<double>(test::kFreiburg3, w.problem(), one, TDistribution<double>(5), workspace);
+  const auto result = bundle_adjust<double>(test::kFreiburg3, w.problem(), one,
+                                            TDistribution<double>::with_dimension(5, 1), workspace);
   CHECK(result.status == BundleStatus::max_iterations);
   CHECK(result.final_cost < result.initial_cost);
   CHECK(w.poses[0].matrix() == before.poses[0].matrix());
@@ -52,20 +52,24 @@ TEST_CASE("fixed poses do not move, unobserved points stay, the status is honest
 
   Window all_free = before;
   std::fill(all_free.fixed.begin(), all_free.fixed.end(), std::uint8_t{0});
-  CHECK(bundle_adjust<double>(test::kFreiburg3, all_free.problem(), {}, TDistribution<double>(5), workspace)
+  CHECK(bundle_adjust<double>(test::kFreiburg3, all_free.problem(), {},
+                              TDistribution<double>::with_dimension(5, 1), workspace)
             .status == BundleStatus::no_gauge);
   Window all_fixed = before;
   std::fill(all_fixed.fixed.begin(), all_fixed.fixed.end(), std::uint8_t{1});
-  CHECK(bundle_adjust<double>(test::kFreiburg3, all_fixed.problem(), {}, TDistribution<double>(5), workspace)
+  CHECK(bundle_adjust<double>(test::kFreiburg3, all_fixed.problem(), {},
+                              TDistribution<double>::with_dimension(5, 1), workspace)
             .status == BundleStatus::no_free_pose);
   Window unsorted = before;
   std::swap(unsorted.observations.front(), unsorted.observations.back());
-  CHECK(bundle_adjust<double>(test::kFreiburg3, unsorted.problem(), {}, TDistribution<double>(5), workspace)
+  CHECK(bundle_adjust<double>(test::kFreiburg3, unsorted.problem(), {},
+                              TDistribution<double>::with_dimension(5, 1), workspace)
             .status == BundleStatus::bad_input);
   Window nan = before;
   nan.observations[0].x.x() = std::nan("");
   nan.points[0] = Eigen::Vector3d(0, 0, -3);  // also where it does not count yet
-  CHECK(bundle_adjust<double>(test::kFreiburg3, nan.problem(), {}, TDistribution<double>(5), workspace)
+  CHECK(bundle_adjust<double>(test::kFreiburg3, nan.problem(), {},
+                              TDistribution<double>::with_dimension(5, 1), workspace)
             .status == BundleStatus::bad_input);
 }
 
@@ -74,9 +78,12 @@ TEST_CASE("a reused workspace gives the same result") {
   Window w = make_window(rng, 6, 100, 0.05), small = make_window(rng, 4, 30, 0);
   Window again = w;
   BundleWorkspace<double> workspace;
-  (void)bundle_adjust<double>(test::kFreiburg3, w.problem(), {}, TDistribution<double>(5), workspace);
-  (void)bundle_adjust<double>(test::kFreiburg3, small.problem(), {}, TDistribution<double>(5), workspace);
-  (void)bundle_adjust<double>(test::kFreiburg3, again.problem(), {}, TDistribution<double>(5), workspace);
+  (void)bundle_adjust<double>(test::kFreiburg3, w.problem(), {}, TDistribution<double>::with_dimension(5, 1),
+                              workspace);
+  (void)bundle_adjust<double>(test::kFreiburg3, small.problem(), {},
+                              TDistribution<double>::with_dimension(5, 1), workspace);
+  (void)bundle_adjust<double>(test::kFreiburg3, again.problem(), {},
+                              TDistribution<double>::with_dimension(5, 1), workspace);
   for (std::size_t i = 0; i < w.poses.size(); ++i)
     CHECK(w.poses[i].translation() == again.poses[i].translation());
 }
@@ -146,8 +153,8 @@ TEST_CASE("two views with one unrelated sight behind a camera: no other point ma
     BundleWorkspace<double> workspace;
     BundleOptions<double> options;
     options.max_iterations = 50;
-    const auto result =
-        bundle_adjust<double>(test::kFreiburg3, w.problem(), options, TDistribution<double>(5), workspace);
+    const auto result = bundle_adjust<double>(test::kFreiburg3, w.problem(), options,
+                                              TDistribution<double>::with_dimension(5, 1), workspace);
     CHECK(result.ok());
     CHECK(hidden(w, count) == 0);
   }
@@ -158,10 +165,10 @@ TEST_CASE("a sight behind its camera changes nothing for the others") {
   Window w = make_window(rng, 6, 100, 0.05), with = w;
   add_sight_behind(with, 3);
   BundleWorkspace<double> workspace;
-  const auto a =
-      bundle_adjust<double>(test::kFreiburg3, w.problem(), {}, TDistribution<double>(5), workspace);
-  const auto b =
-      bundle_adjust<double>(test::kFreiburg3, with.problem(), {}, TDistribution<double>(5), workspace);
+  const auto a = bundle_adjust<double>(test::kFreiburg3, w.problem(), {},
+                                       TDistribution<double>::with_dimension(5, 1), workspace);
+  const auto b = bundle_adjust<double>(test::kFreiburg3, with.problem(), {},
+                                       TDistribution<double>::with_dimension(5, 1), workspace);
   CHECK(a.status == b.status);
   CHECK(a.initial_cost == b.initial_cost);
   CHECK(a.final_cost == b.final_cost);
@@ -202,8 +209,8 @@ TEST_CASE("in float, a window improves as in double") {
   }
   BundleWorkspace<float> workspace;
   const BundleProblem<float> problem{poses, w.fixed, points, observations};
-  const auto result =
-      bundle_adjust<float>(test::kFreiburg3.cast<float>(), problem, {}, TDistribution<float>(5), workspace);
+  const auto result = bundle_adjust<float>(test::kFreiburg3.cast<float>(), problem, {},
+                                           TDistribution<float>::with_dimension(5, 1), workspace);
   CHECK(result.ok());
   double worst = 0;
   for (std::size_t i = 0; i < poses.size(); ++i)

@@ -52,7 +52,7 @@ TEST_CASE("the optimum is Ceres' optimum of the same robust cost") {
     options.tolerance = 1e-12;
     PoseWorkspace<double> workspace;
     const auto ours = optimize_pose<double>(test::kFreiburg3, observations, SE3d(), options,
-                                            TDistribution<double>(5.0), workspace);
+                                            TDistribution<double>::with_dimension(5.0, 1), workspace);
 
     double angle_axis[3] = {0, 0, 0}, translation[3] = {0, 0, 0};
     ceres::Problem problem;

@@ -62,8 +62,8 @@ TEST_CASE_TEMPLATE("the room wins over a carried box; the robust kernel alone co
     CHECK(found.inliers > 150);
     worst = std::max(worst, (found.T_c_w.template cast<double>() * T.inverse()).translation().norm());
     PoseWorkspace<S> workspace;
-    const auto kernel =
-        optimize_pose<S>(kRoomCamera.cast<S>(), observations, still, {}, TDistribution<S>(S(5)), workspace);
+    const auto kernel = optimize_pose<S>(kRoomCamera.cast<S>(), observations, still, {},
+                                         TDistribution<S>::with_dimension(S(5), 1), workspace);
     worst_kernel =
         std::max(worst_kernel, (kernel.T_c_w.template cast<double>() * T.inverse()).translation().norm());
   }

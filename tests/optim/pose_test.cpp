@@ -96,8 +96,9 @@ TEST_CASE_TEMPLATE("the pose is recovered exactly from exact data, far from the 
   test::Rng rng("exact pose");
   const auto observations = observe<S>(rng, 200, 0, 0.0, 0.0);
   PoseWorkspace<S> workspace;
-  const auto result = optimize_pose<S>(test::kFreiburg3.cast<S>(), observations, SE3<S>(),
-                                       PoseOptions<S>{5, 20}, TDistribution<S>(S(5)), workspace);
+  const auto result =
+      optimize_pose<S>(test::kFreiburg3.cast<S>(), observations, SE3<S>(), PoseOptions<S>{5, 20},
+                       TDistribution<S>::with_dimension(S(5), 1), workspace);
   CHECK(result.ok());
   CHECK(result.inliers == 200);
   CHECK(error(result.T_c_w) < (std::is_same_v<S, float> ? 1e-4 : 1e-8));
@@ -110,8 +111,8 @@ TEST_CASE("40 % of moved points neither bend the pose nor pass for inliers") {
   const SE3d start =
       SE3d::exp((Eigen::Matrix<double, 6, 1>() << 0.05, 0.02, -0.03, 0.02, 0.01, -0.02).finished()) *
       true_pose();
-  const auto result =
-      optimize_pose<double>(test::kFreiburg3, observations, start, {}, TDistribution<double>(5.0), workspace);
+  const auto result = optimize_pose<double>(test::kFreiburg3, observations, start, {},
+                                            TDistribution<double>::with_dimension(5.0, 1), workspace);
   CHECK(result.ok());
   CHECK(error(result.T_c_w) < 2e-3);
   int accepted = 0, rejected = 0;
@@ -147,9 +148,9 @@ TEST_CASE("depth settles what reprojection leaves open") {
   PoseOptions<double> without;
   without.use_depth = false;
   const auto a = optimize_pose<double>(test::kFreiburg3, observations, true_pose(), {},
-                                       TDistribution<double>(5.0), workspace);
+                                       TDistribution<double>::with_dimension(5.0, 1), workspace);
   const auto b = optimize_pose<double>(test::kFreiburg3, observations, true_pose(), without,
-                                       TDistribution<double>(5.0), workspace);
+                                       TDistribution<double>::with_dimension(5.0, 1), workspace);
   CHECK(a.covariance(2, 2) < 0.25 * b.covariance(2, 2));
 }
 
@@ -157,7 +158,7 @@ TEST_CASE("bad input has its own status each") {
   test::Rng rng("bad input");
   PoseWorkspace<double> workspace;
   auto observations = observe<double>(rng, 30, 0, 1.0, 0.02);
-  const TDistribution<double> kernel(5.0);
+  const auto kernel = TDistribution<double>::with_dimension(5.0, 1);
   CHECK(
       optimize_pose<double>(test::kFreiburg3, std::span(observations).first(3), SE3d(), {}, kernel, workspace)
           .status == PoseStatus::too_few_observations);
@@ -181,10 +182,10 @@ TEST_CASE("pixel noise that was stated four times too large is noticed: movers n
   PoseWorkspace<double> workspace;
   PoseOptions<double> options;
   const auto trusting = optimize_pose<double>(test::kFreiburg3, observations, true_pose(), options,
-                                              TDistribution<double>(5), workspace);
+                                              TDistribution<double>::with_dimension(5, 1), workspace);
   options.min_pixel_scale = 0.2;
   const auto estimating = optimize_pose<double>(test::kFreiburg3, observations, true_pose(), options,
-                                                TDistribution<double>(5), workspace);
+                                                TDistribution<double>::with_dimension(5, 1), workspace);
   CHECK(estimating.inliers < 250);
   CHECK(trusting.inliers > 280);
   CHECK(error(estimating.T_c_w) < 0.5 * error(trusting.T_c_w));
@@ -193,7 +194,7 @@ TEST_CASE("pixel noise that was stated four times too large is noticed: movers n
 TEST_CASE_TEMPLATE("flags, weights, inliers and status agree on every path: a failed pose has no inliers", S,
                    float, double) {
   test::Rng rng("pose agreement");
-  const TDistribution<S> kernel(S(5));
+  const auto kernel = TDistribution<S>::with_dimension(S(5), 1);
   PoseWorkspace<S> workspace;
   int failures = 0;
   const auto check = [&](const std::vector<PoseObservation<S>>& observations, const SE3<S>& start,

@@ -142,7 +142,7 @@ TEST_CASE("the turn is the one for which observations brought to the middle row 
   options.rounds = 1;  // on all of them
   options.max_iterations = 30;
   PoseWorkspace<double> workspace;
-  const TDistribution<double> kernel;
+  const auto kernel = TDistribution<double>::with_dimension(5, 1);
   const auto found = optimize_rolling_pose<double>(sights.camera, sights.observations, sights.share,
                                                    sights.truth, {.sigma = 10}, options, kernel, workspace);
   REQUIRE(found.ok());

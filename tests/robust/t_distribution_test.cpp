@@ -40,7 +40,7 @@ void check_weight_is_slope(const Kernel& kernel) {
 }  // namespace
 
 TEST_CASE("every kernel's weight is the derivative of its rho") {
-  check_weight_is_slope(TDistribution<double>(5.0));
+  check_weight_is_slope(TDistribution<double>::with_dimension(5, 1));
   check_weight_is_slope(TDistribution<double>::paper());
   check_weight_is_slope(TDistribution<double>::with_dimension(5.0, 3));
   check_weight_is_slope(SquaredLoss<double>{});
@@ -161,6 +161,11 @@ TEST_CASE("the printed form has nu 11 and numerator 12, in whatever numbers it i
   CHECK(TDistribution<double>::paper().numerator == 12.0);
   CHECK(TDistribution<double>::with_numerator(11, 12).numerator == 12.0);
   CHECK(TDistribution<double>::with_dimension(11, 12).numerator == 23.0);
+  CHECK(TDistribution<double>::with_dimension(5, 1).numerator == 6.0);
+  // Fault: TDistribution(5) had the numerator nu + 1, where the documentation says nu + d.
+  static_assert(!std::is_constructible_v<TDistribution<double>, int>);
+  static_assert(!std::is_default_constructible_v<TDistribution<double>> &&
+                !std::is_aggregate_v<TDistribution<double>>);
   static_assert(!std::is_constructible_v<TDistribution<double>, int, int>);
   static_assert(!std::is_constructible_v<TDistribution<float>, float, float>);
 }

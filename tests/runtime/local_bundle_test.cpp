@@ -57,7 +57,7 @@ TEST_CASE("the thread's adjustment is that of the window it was started with, wh
   BundleWorkspace<double> workspace;
   window.collect(expected, kNoise);
   REQUIRE(bundle_adjust<double>(kWindowCamera, window.problem(), options.solver,
-                                TDistribution<double>(options.nu), workspace)
+                                TDistribution<double>::with_dimension(options.nu, 1), workspace)
               .ok());
   const SE3d D_expected = window.apply(kWindowCamera, expected);
   CHECK(test::pose_distance(D, D_expected) == 0);

@@ -2,7 +2,10 @@
 // What must satisfy a concept and what must not. To compile is to pass.
 #include <complex>
 #include <cstdint>
+#include <span>
 #include <string>
+#include <type_traits>
+#include <utility>
 
 #include <Eigen/Core>
 #include <unsupported/Eigen/AutoDiff>
@@ -92,6 +95,33 @@ static_assert(dynslam::GrowingCriterion<dynslam::RelativeStep<float>, float>);
 static_assert(dynslam::SiteCriterion<dynslam::SameLabelStep<Image<int>, dynslam::FixedStep<double>>, double>);
 static_assert(!dynslam::GrowingCriterion<dynslam::FixedStep<float>, Image<float>> &&
               !dynslam::GrowingCriterion<int, float>);
+
+// What refers to an argument takes no temporary one, which would be gone; what keeps it does.
+using Step = dynslam::FixedStep<float>;
+using Labels = dynslam::SameLabelStep<Image<int>, Step>;
+using Normals = dynslam::SmoothSurfaceStep<Image<Eigen::Vector3f>, Step>;
+using Share = dynslam::ValidDepthShare<Image<float>>;
+using Features = dynslam::FeatureView;
+template <class T>
+using Span = std::span<const T>;
+static_assert(std::is_constructible_v<Labels, const Image<int>&, Step>);
+static_assert(!std::is_constructible_v<Labels, Image<int>, Step>);
+static_assert(std::is_constructible_v<Normals, const Image<Eigen::Vector3f>&, float, Step>);
+static_assert(!std::is_constructible_v<Normals, Image<Eigen::Vector3f>, float, Step>);
+static_assert(std::is_constructible_v<Share, const Image<float>&>);
+static_assert(!std::is_constructible_v<Share, Image<float>>);
+static_assert(std::is_constructible_v<Features, Span<dynslam::Feature>, Span<dynslam::Descriptor>,
+                                      Span<std::uint8_t>, const dynslam::FeatureGrid&>);
+static_assert(!std::is_constructible_v<Features, Span<dynslam::Feature>, Span<dynslam::Descriptor>,
+                                       Span<std::uint8_t>, dynslam::FeatureGrid>);
+template <class T>
+concept GivesView = requires(T&& owner) {
+  std::forward<T>(owner).view();
+};
+static_assert(GivesView<Image<int>&> && GivesView<const Image<int>&> && !GivesView<Image<int>>);
+static_assert(GivesView<const dynslam::Frame<>&> && !GivesView<dynslam::Frame<>>);
+static_assert(
+    std::is_copy_assignable_v<dynslam::RollingCamera<dynslam::Pinhole<double>>>);  // keeps its camera
 
 // Voxels: what queries ask, and what takes scans too, of any number of labels.
 static_assert(dynslam::VoxelStore<dynslam::VoxelBlockMap<float>> &&

@@ -50,8 +50,9 @@ TEST_CASE("on the windows of a sequence, bundle adjustment ends at Ceres' cost")
     const BundleProblem<double> problem = bundle.problem();
     CAPTURE(k);
     const double oracle = test::ceres_bundle_cost(camera.model.pinhole(), problem, local.nu);
-    const auto adjusted = bundle_adjust<double>(camera.model.pinhole(), problem, solver,
-                                                TDistribution<double>(local.nu), workspace);
+    const auto adjusted =
+        bundle_adjust<double>(camera.model.pinhole(), problem, solver,
+                              TDistribution<double>::with_dimension(local.nu, 1), workspace);
     CHECK(adjusted.ok());
     CHECK(adjusted.final_cost < adjusted.initial_cost);
     CHECK(adjusted.final_cost == doctest::Approx(oracle).epsilon(1e-6));

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <concepts>
 #include <optional>
@@ -39,3 +41,5 @@ template <class C, class S>
 concept DifferentiableCameraOf = DifferentiableCamera<C> && std::same_as<typename C::ScalarType, S>;
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

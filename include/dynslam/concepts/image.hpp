@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <concepts>
 #include <type_traits>
 
@@ -47,3 +49,5 @@ template <class I>
 concept OutputDepthImage = OutputImage<I> && DepthImage<std::remove_reference_t<I>>;
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <concepts>
 #include <cstdint>
 #include <type_traits>
@@ -45,3 +47,5 @@ concept VoxelStore = VoxelMap<M> && requires(M& map, const typename M::Scan& sca
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

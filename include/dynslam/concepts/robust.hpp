@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <concepts>
 
 #include "dynslam/concepts/scalar.hpp"
@@ -16,3 +18,5 @@ concept RobustKernel = Scalar<S> && requires(const K& kernel, const S& s) {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <cmath>
 #include <concepts>
@@ -73,3 +75,5 @@ static_assert(Scalar<float> && Scalar<double> && !Scalar<int>);
 static_assert(FixedMatrix<Eigen::Vector3d, 3> && !FixedMatrix<Eigen::VectorXd, 3>);
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

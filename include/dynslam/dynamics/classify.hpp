@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -30,3 +32,5 @@ std::size_t classify(std::span<const S> weights, S tau, std::span<std::uint8_t> 
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

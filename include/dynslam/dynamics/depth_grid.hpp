@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -233,3 +235,5 @@ class DepthGrid {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <concepts>
 #include <cstdint>
@@ -57,3 +59,5 @@ template <DepthImage D>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

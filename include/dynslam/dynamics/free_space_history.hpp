@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -34,7 +36,7 @@ struct FreeSpaceOptions {
   double rest_lag = 25 / 30.0;   ///< what has stayed for so long is at rest, even if it moved before
   double follow_lag = 4 / 30.0;  ///< views up to this age hand their masks on
   double carry = 20 / 30.0;      ///< how long a mask survives without new evidence
-  float near = 0.2F;             ///< nearer than this to an earlier camera nothing is judged [m]
+  float min_depth = 0.2F;        ///< nearer than this to an earlier camera nothing is judged [m]
   float max_depth = 5.0F;        ///< beyond, depth is too noisy to judge [m]
   FreeSpaceMargins<float> margins;
   /// Share of the motion between two frames by which a depth image may lie beside its pose: its rows are not
@@ -290,7 +292,7 @@ class FreeSpaceHistory {
     const Eigen::Matrix3f R = T_v_c.rotation_matrix().template cast<float>();
     const Eigen::Vector3f t = T_v_c.translation().template cast<float>();
     const float fx = grid.fx(), fy = grid.fy(), cx = grid.cx(), cy = grid.cy();
-    const float max_depth = options_.max_depth, near = options_.near;
+    const float max_depth = options_.max_depth, near = options_.min_depth;
     const int columns = grid.width();
     const auto width = static_cast<float>(columns), height = static_cast<float>(grid.height());
     const float *depth = depths.data() + first, *rx = grid.ray_x() + first, *ry = grid.ray_y() + first;
@@ -346,3 +348,5 @@ class FreeSpaceHistory {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <cstdint>
 
@@ -78,3 +80,5 @@ void state_cells(const DepthGrid& grid, const Mask& mask, const Image<std::uint8
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

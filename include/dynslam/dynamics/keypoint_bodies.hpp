@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <concepts>
@@ -188,3 +190,5 @@ class KeypointBodies {
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cmath>
 #include <concepts>
 #include <span>
@@ -87,9 +89,11 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera, DepthImage D>
   observations.resize(kept);
   const PoseResult<S> pose =
       optimize_pose(camera, std::span<const PoseObservation<S>>(observations), found.T_c_w, options.pose,
-                    TDistribution<S>{options.nu}, workspace.pose);
+                    TDistribution<S>::with_dimension(options.nu, 1), workspace.pose);
   if (pose.ok()) found.T_c_w = pose.T_c_w;
   return found;
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstdint>
 
 namespace dynslam {
@@ -12,3 +14,5 @@ enum class Method : std::uint8_t {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <concepts>
 #include <cstdint>
@@ -53,3 +55,5 @@ struct IgnoreStages {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <concepts>
 
 #include "dynslam/dynamics/depth_grid.hpp"
@@ -64,3 +66,5 @@ struct MotionSegmenterOptions {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

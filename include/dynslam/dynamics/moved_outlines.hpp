@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -201,3 +203,5 @@ std::span<const SurfaceOutline> watch_outlines(const Image<float>& depth, const 
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

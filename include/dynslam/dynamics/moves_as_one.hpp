@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <concepts>
 #include <span>
@@ -42,3 +44,5 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera, DepthImage D>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

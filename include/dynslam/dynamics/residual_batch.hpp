@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <bit>
@@ -277,3 +279,5 @@ void residual_batch(const Pinhole<S>& camera, const MatchRows<S>& matches, const
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <cmath>
 #include <concepts>
@@ -47,14 +49,17 @@ template <FixedMatrix<3> P, DepthImage D, FixedMatrix<2> X, Scalar S = typename 
   return S(p_c.z() - S(static_cast<double>(z)));
 }
 
-/// The three errors of one reference keypoint; the photometric and the depth error may be missing.
+/// The three errors of one reference keypoint, each as the functions above return it: an error that is
+/// missing is empty, one that is given counts.
 template <Scalar S>
 struct KeypointResiduals {
-  S photometric = S(0.0);   ///< grey values
-  S reprojection = S(0.0);  ///< pixels
-  S depth = S(0.0);         ///< metres
-  bool has_photometric = false, has_depth = false;
-  [[nodiscard]] int dimension() const { return 1 + (has_photometric ? 1 : 0) + (has_depth ? 1 : 0); }
+  std::optional<S> photometric;  ///< Eq (3) [grey values]; empty: a pixel outside its image
+  S reprojection = S(0.0);       ///< Eq (5) [px]
+  std::optional<S> depth;        ///< Eq (6) [m]; empty: no valid depth at the match
+  /// d of Eq (7): how many errors there are, 1 to 3.
+  [[nodiscard]] int dimension() const { return 1 + (photometric ? 1 : 0) + (depth ? 1 : 0); }
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

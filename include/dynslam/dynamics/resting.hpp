@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <concepts>
 #include <cstddef>
@@ -145,3 +147,5 @@ void mark_standing(const Moving& moving, Verified&& verified, int stride, Still&
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

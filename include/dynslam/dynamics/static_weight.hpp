@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include "dynslam/concepts/scalar.hpp"
 #include "dynslam/dynamics/residuals.hpp"
 #include "dynslam/robust/t_distribution.hpp"
@@ -20,8 +22,8 @@ template <Scalar S>
 [[nodiscard]] S squared_normalised(const KeypointResiduals<S>& e, const StaticWeightScales<S>& scales) {
   const auto square = [](const S& value, const S& sigma) { return S(value * value / (sigma * sigma)); };
   S s = square(e.reprojection, scales.reprojection);
-  if (e.has_photometric) s += square(e.photometric, scales.photometric);
-  if (e.has_depth) s += square(e.depth, scales.depth);
+  if (e.photometric) s += square(*e.photometric, scales.photometric);
+  if (e.depth) s += square(*e.depth, scales.depth);
   return s;
 }
 
@@ -42,3 +44,5 @@ template <Scalar S>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

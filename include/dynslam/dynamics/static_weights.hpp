@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -66,7 +68,7 @@ struct StaticWeightsOptions {
 
   /// Eq (7) as the paper prints it: nu = 11 and the numerator 12 for every d. tau is chosen such that a match
   /// with all three errors is dynamic from the same squared normalised error on as by the default form (27).
-  [[nodiscard]] static StaticWeightsOptions as_printed() {
+  [[nodiscard]] static StaticWeightsOptions paper() {
     StaticWeightsOptions options;
     options.nu = S(11);
     options.numerator = S(12);
@@ -183,19 +185,15 @@ void collect_residuals(const C& camera, std::span<const KeypointMatch<S>> matche
       continue;
     }
     r.reprojection = reprojection_residual(*projected, m.x_m);
-    const auto e_i = photometric_residual(reference_gray, m.x, gray, *projected);
-    r.has_photometric = e_i.has_value();
-    r.photometric = e_i.value_or(S(0));
-    const auto e_d = depth_residual(p_c, depth, m.x_m);
-    r.has_depth = e_d.has_value();
-    r.depth = e_d.value_or(S(0));
+    r.photometric = photometric_residual(reference_gray, m.x, gray, *projected);
+    r.depth = depth_residual(p_c, depth, m.x_m);
     if constexpr (requires { camera.depth_at_middle(m.x_m, S(1)); }) {  // RollingCamera
-      if (e_d && camera.moves()) r.depth = p_c.z() - camera.depth_at_middle(m.x_m, p_c.z() - *e_d);
+      if (r.depth && camera.moves()) r.depth = p_c.z() - camera.depth_at_middle(m.x_m, p_c.z() - *r.depth);
     }
     if (m.masked || ws.result.mismatch[k] != 0) continue;
-    if (r.has_photometric) ws.photometric.push_back(r.photometric);
+    if (r.photometric) ws.photometric.push_back(*r.photometric);
     ws.reprojection.push_back(r.reprojection);
-    if (r.has_depth) ws.depth.push_back(r.depth / options.depth_noise.sigma(p_c.z()));
+    if (r.depth) ws.depth.push_back(*r.depth / options.depth_noise.sigma(p_c.z()));
   }
 }
 
@@ -257,7 +255,7 @@ DYNSLAM_NO_DANGLING const StaticWeightsResult<S>& static_weights(
   for (std::size_t k = 0; k < n; ++k) {
     if (result.mismatch[k] != 0) continue;
     KeypointResiduals<S>& r = workspace.residuals[k];
-    r.photometric -= result.exposure;
+    if (r.photometric) *r.photometric -= result.exposure;
     const S z = (T_cur_ref * matches[k].p_ref).z();
     const StaticWeightScales<S> scales{result.scales.photometric, result.scales.reprojection,
                                        result.scales.depth * options.depth_noise.sigma(z)};
@@ -282,3 +280,5 @@ template <DifferentiableCamera C, ImageLike A, ImageLike B, DepthImage D, class 
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

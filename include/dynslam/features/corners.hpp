@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -103,3 +105,5 @@ void find_corners(const I& image, int count, const CornerOptions& options, Corne
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

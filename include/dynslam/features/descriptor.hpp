@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <array>
 #include <bit>
 #include <cstddef>
@@ -38,3 +40,5 @@ inline constexpr int kDescriptorBits = 256;
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

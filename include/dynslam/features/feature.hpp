@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <concepts>
 
@@ -37,3 +39,5 @@ template <FixedMatrix<3> D>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -66,3 +68,5 @@ class FeatureGrid {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <cmath>
 #include <concepts>
@@ -191,3 +193,5 @@ class FeaturePlacer {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

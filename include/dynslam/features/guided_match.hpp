@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
@@ -14,12 +16,18 @@
 
 namespace dynslam {
 
-/// An image's features as guided_match() reads them.
+/// An image's features as guided_match() reads them, which have to outlive this.
 struct FeatureView {
   std::span<const Feature> features;
   std::span<const Descriptor> descriptors;  ///< one per feature
   std::span<const std::uint8_t> ignored;    ///< per feature: nonzero is never matched; empty: none
   const FeatureGrid& grid;                  ///< of the features, or of the first of them
+
+  FeatureView(std::span<const Feature> f, std::span<const Descriptor> d, std::span<const std::uint8_t> skip,
+              const FeatureGrid& g)
+      : features(f), descriptors(d), ignored(skip), grid(g) {}
+  FeatureView(std::span<const Feature>, std::span<const Descriptor>, std::span<const std::uint8_t>,
+              const FeatureGrid&&) = delete;
 };
 
 /// Where something is expected in an image, and how alike it has to be.
@@ -81,3 +89,5 @@ template <class Accept = AcceptAll>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

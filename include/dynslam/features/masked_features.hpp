@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <concepts>
@@ -45,3 +47,5 @@ template <std::floating_point S>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cstddef>
@@ -166,3 +168,5 @@ class PlaceIndex {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -57,3 +59,5 @@ template <std::floating_point S, ImagePyramidLike P, ImagePyramidLike Q>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

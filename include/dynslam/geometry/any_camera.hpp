@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <optional>
 #include <variant>
@@ -89,3 +91,5 @@ class AnyCamera {
 static_assert(DifferentiableCamera<AnyCamera<float>> && DifferentiableCamera<AnyCamera<double>>);
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -273,3 +275,5 @@ static_assert(DifferentiableCamera<PinholeBrownConrady<float>> &&
               DifferentiableCamera<PinholeBrownConrady<double>>);
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

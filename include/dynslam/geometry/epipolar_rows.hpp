@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <concepts>
 #include <cstddef>
@@ -80,3 +82,5 @@ void sampson_distances_squared(const Eigen::Matrix<S, 3, 3>& F, const PixelRows<
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

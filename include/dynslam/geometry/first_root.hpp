@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -61,3 +63,5 @@ template <std::size_t N>
 }
 
 }  // namespace dynslam::detail
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <cmath>
 #include <concepts>
@@ -53,3 +55,5 @@ void add_square(const S (&a)[9], Eigen::Matrix<S, 9, 9>& sum) {
 }  // namespace detail
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
@@ -220,3 +222,5 @@ template <std::floating_point S>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

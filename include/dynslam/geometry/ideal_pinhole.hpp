@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <concepts>
 #include <optional>
@@ -67,3 +69,5 @@ template <CameraModel C>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

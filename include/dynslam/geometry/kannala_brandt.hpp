@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -167,3 +169,5 @@ class KannalaBrandt {
 static_assert(DifferentiableCamera<KannalaBrandt<float>> && DifferentiableCamera<KannalaBrandt<double>>);
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

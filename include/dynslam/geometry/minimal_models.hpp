@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -161,3 +163,5 @@ template <std::same_as<double> W = double>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

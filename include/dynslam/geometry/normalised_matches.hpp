@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
@@ -279,3 +281,5 @@ int search_models(std::size_t n, const RansacOptions<S>& options, BestModel<Sear
 }
 
 }  // namespace dynslam::detail
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <optional>
 
@@ -81,3 +83,5 @@ class Pinhole {
 static_assert(DifferentiableCamera<Pinhole<float>> && DifferentiableCamera<Pinhole<double>>);
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

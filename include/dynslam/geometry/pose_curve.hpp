@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <span>
 
 #include "dynslam/concepts/scalar.hpp"
@@ -42,3 +44,5 @@ template <Scalar S>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

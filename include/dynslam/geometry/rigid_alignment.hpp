@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <Eigen/LU>
 #include <Eigen/SVD>
@@ -50,3 +52,5 @@ template <std::floating_point S>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

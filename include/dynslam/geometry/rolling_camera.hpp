@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <optional>
 
@@ -13,7 +15,7 @@ namespace dynslam {
 
 /// A camera whose rows are read one after the other, as a camera: points are in its frame when it read the
 /// middle row, pixels are those recorded. What works with any camera works with the image of a rolling
-/// shutter by this. Refers to the camera, which has to outlive it.
+/// shutter by this.
 template <DifferentiableCamera C>
 class RollingCamera {
  public:
@@ -56,8 +58,10 @@ class RollingCamera {
   }
 
  private:
-  const C& camera_;
+  C camera_;
   RollingShutter<S> shutter_;
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <optional>
 
 #include "dynslam/concepts/camera.hpp"
@@ -83,3 +86,5 @@ class RollingShutter {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Geometry>
 #include <cmath>
 
@@ -135,3 +137,5 @@ using SE3f = SE3<float>;
 using SE3d = SE3<double>;
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cmath>
@@ -210,3 +212,5 @@ using SO3f = SO3<float>;
 using SO3d = SO3<double>;
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -132,3 +134,5 @@ template <CameraModel C>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

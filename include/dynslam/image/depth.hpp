@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <concepts>
 #include <limits>
 #include <type_traits>
@@ -75,3 +77,5 @@ struct DepthNoise {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

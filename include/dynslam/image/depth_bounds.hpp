@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <concepts>
 #include <cstddef>
@@ -94,3 +96,5 @@ struct DepthBounds {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

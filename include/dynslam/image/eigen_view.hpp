@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <concepts>
 #include <type_traits>
@@ -58,3 +60,5 @@ template <class M>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cstddef>
 #include <vector>
@@ -31,8 +33,10 @@ class Image {
   [[nodiscard]] const T* row(int v) const { return view().row(v); }
   [[nodiscard]] T& operator()(int u, int v) { return view()(u, v); }
   [[nodiscard]] const T& operator()(int u, int v) const { return view()(u, v); }
-  [[nodiscard]] ImageView<T> view() { return {pixels_.data(), width_, height_}; }
-  [[nodiscard]] ImageView<const T> view() const { return {pixels_.data(), width_, height_}; }
+  /// Valid as long as the image has its memory: a temporary gives none.
+  [[nodiscard]] ImageView<T> view() & { return {pixels_.data(), width_, height_}; }
+  [[nodiscard]] ImageView<const T> view() const& { return {pixels_.data(), width_, height_}; }
+  ImageView<const T> view() const&& = delete;
 
   void fill(const T& value) { std::fill(pixels_.begin(), pixels_.end(), value); }
   /// Contents are unspecified afterwards where the size changed.
@@ -54,3 +58,5 @@ class Image {
 static_assert(DepthImage<Image<float>> && DepthImage<Image<double>> && LabelImage<Image<unsigned char>>);
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

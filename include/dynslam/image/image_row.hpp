@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <concepts>
 #include <type_traits>
 
@@ -44,3 +46,5 @@ template <ImageLike A, ImageLike B>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <type_traits>
 
@@ -58,3 +60,5 @@ static_assert(LabelImage<ImageView<const unsigned char>> && MutableImage<ImageVi
 static_assert(!MutableImage<ImageView<const float>>);
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cmath>
@@ -62,3 +64,5 @@ void surface_normals(const C& camera, const D& depth, const NormalOptions<typena
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <concepts>
@@ -116,3 +118,5 @@ class HalvingPyramid {
 static_assert(ImagePyramidLike<HalvingPyramid<std::uint8_t>> && ImagePyramidLike<HalvingPyramid<float>>);
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -91,3 +93,5 @@ template <Scalar S, ImageLike I>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

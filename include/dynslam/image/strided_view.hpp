@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <type_traits>
 
@@ -54,3 +56,5 @@ static_assert(LabelImage<StridedView<const unsigned char>> && MutableImage<Strid
 static_assert(!MutableImage<StridedView<const float>> && !RowImage<StridedView<float>>);
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <concepts>
 #include <cstdint>
@@ -29,3 +31,5 @@ template <Scalar S, int N, class P>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

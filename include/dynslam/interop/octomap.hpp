@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <octomap/ColorOcTree.h>
 
 #include <Eigen/Core>
@@ -36,3 +38,5 @@ template <class Tree>
 }
 
 }  // namespace dynslam::interop
+
+#include "dynslam/pop_macros.hpp"

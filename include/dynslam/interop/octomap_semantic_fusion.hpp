@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 // How a scan is fused into a semantic octree: cell by cell along the Z curve, every inner node once.
 
 #include <algorithm>
@@ -127,3 +129,5 @@ void BasicSemanticOcTree<N>::integrate(const Scan& scan) {
 }
 
 }  // namespace dynslam::interop
+
+#include "dynslam/pop_macros.hpp"

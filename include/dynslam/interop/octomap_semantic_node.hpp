@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <octomap/OcTreeNode.h>
 
 #include <algorithm>
@@ -202,3 +204,5 @@ using SemanticOcTreeNode = BasicSemanticOcTreeNode<kMapLabels>;
 static_assert(sizeof(SemanticOcTreeNode) == sizeof(void*) + 16);
 
 }  // namespace dynslam::interop
+
+#include "dynslam/pop_macros.hpp"

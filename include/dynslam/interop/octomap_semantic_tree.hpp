@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <octomap/OccupancyOcTreeBase.h>
 
 #include <algorithm>
@@ -243,3 +245,5 @@ inline const bool kSemanticOcTreeRegistered = SemanticOcTree::register_type();
 namespace dynslam::interop {
 static_assert(VoxelStore<SemanticOcTree> && VoxelStore<BasicSemanticOcTree<80>>);
 }  // namespace dynslam::interop
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <type_traits>
 
@@ -62,3 +64,5 @@ template <class T>
 }
 
 }  // namespace dynslam::interop
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <concepts>
 #include <cstddef>
@@ -54,3 +56,5 @@ template <std::floating_point S, class Patch>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

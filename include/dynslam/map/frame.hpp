@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -26,7 +28,10 @@ struct Frame {
   SE3<S> T_c_w;
 
   /// For guided_match(), without the features on what moves. Valid while the frame is not changed.
-  [[nodiscard]] FeatureView view() const { return {features, descriptors, dynamic, grid}; }
+  [[nodiscard]] FeatureView view() const& { return {features, descriptors, dynamic, grid}; }
+  FeatureView view() const&& = delete;
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cstddef>
@@ -398,3 +400,5 @@ template <Scalar S, class Patch>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <concepts>
 #include <cstddef>
@@ -100,3 +102,5 @@ MaskedPoseResult<S> masked_pose(MatchedPose<S, Camera>& estimator, const Map& ma
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

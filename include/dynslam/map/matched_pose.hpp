@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <concepts>
 #include <cstddef>
@@ -100,7 +102,7 @@ class MatchedPose {
     gather(map, frame);
     PoseOptions<S> options;
     options.min_pixel_scale = options_.min_pixel_scale;
-    const TDistribution<S> kernel{options_.nu};
+    const auto kernel = TDistribution<S>::with_dimension(options_.nu, 1);
     const std::span<const PoseObservation<S>> observations(observations_);
     if (shutter_.moves()) {
       share_.clear();
@@ -153,3 +155,5 @@ MatchedPose(const Camera&, const MatchedPoseOptions<typename Camera::ScalarType>
     -> MatchedPose<typename Camera::ScalarType, Camera>;
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

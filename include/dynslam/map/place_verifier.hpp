@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -209,8 +211,9 @@ class PlaceVerifier {
   [[nodiscard]] PoseResult<S> refine(const KeyframeMap<S, Patch>& map, const Frame<S>& frame,
                                      const SE3<S>& start) {
     observe_matches(map, frame);
-    const PoseResult<S> result = optimize_pose(camera_, std::span<const PoseObservation<S>>(observations_),
-                                               start, PoseOptions<S>{}, TDistribution<S>(options_.nu), pose_);
+    const PoseResult<S> result =
+        optimize_pose(camera_, std::span<const PoseObservation<S>>(observations_), start, PoseOptions<S>{},
+                      TDistribution<S>::with_dimension(options_.nu, 1), pose_);
     std::size_t kept = 0;
     for (std::size_t k = 0; k < matches_.size(); ++k) {
       if (pose_.inlier[k] != 0) matches_[kept++] = matches_[k];
@@ -258,3 +261,5 @@ class PlaceVerifier {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

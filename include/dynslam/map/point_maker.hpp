@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <concepts>
 #include <cstddef>
@@ -181,3 +183,5 @@ PointMaker(const Camera&, int, int, const PointMakerOptions<typename Camera::Sca
     -> PointMaker<typename Camera::ScalarType, Camera>;
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -132,3 +134,5 @@ template <std::floating_point S, CameraOf<S> Camera>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <array>
 #include <concepts>
@@ -76,3 +78,5 @@ class BandedSystem {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

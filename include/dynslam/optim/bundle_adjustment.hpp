@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
@@ -22,16 +24,6 @@
 #include "dynslam/robust/t_distribution.hpp"
 
 namespace dynslam {
-
-/// One sight of a point: which pose, which point, where, how far.
-template <Scalar S>
-struct BundleObservation {
-  int pose = 0, point = 0;
-  Eigen::Matrix<S, 2, 1> x;  ///< pixel of the camera that it is used with
-  S depth = S(0);            ///< along the optical axis [m]; invalid: reprojection only
-  S inv_sigma_px2 = S(1);    ///< [1/px^2]
-  S inv_sigma_z2 = S(0);     ///< [1/m^2]
-};
 
 /// What is adjusted. The spans must outlive the call; poses and points are changed in place.
 template <Scalar S>
@@ -389,7 +381,9 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera>
 BundleResult<S> bundle_adjust(const Camera& camera, const BundleProblem<S>& problem,
                               const BundleOptions<S>& options = {}) {
   BundleWorkspace<S> workspace;
-  return bundle_adjust(camera, problem, options, TDistribution<S>(), workspace);
+  return bundle_adjust(camera, problem, options, TDistribution<S>::with_dimension(S(5), 1), workspace);
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

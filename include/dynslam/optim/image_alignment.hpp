@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -105,7 +107,7 @@ class ImageAlignmentProblem {
         image_(image),
         inverse_size_(pixel_size.cwiseInverse().cast<S>()),
         options_(options),
-        kernel_(options.nu),
+        kernel_(TDistribution<S>::with_dimension(options.nu, 1)),
         ws_(workspace) {}
 
   /// Minimises from a motion. @return false, with nothing changed: from there nothing of the reference is
@@ -332,3 +334,5 @@ template <std::floating_point S, ImagePyramidLike P, DepthImage D, ImagePyramidL
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

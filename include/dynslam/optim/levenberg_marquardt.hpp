@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <concepts>
@@ -136,3 +138,5 @@ template <class Result, std::floating_point S, class Problem, class Options>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 
 #include "dynslam/concepts/scalar.hpp"
@@ -146,3 +148,5 @@ class NormalEquations {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

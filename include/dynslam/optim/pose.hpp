@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -317,7 +319,10 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera>
     const Camera& camera, std::span<const PoseObservation<std::type_identity_t<S>>> observations,
     const SE3<S>& T_c_w_initial, const PoseOptions<S>& options = {}) {
   PoseWorkspace<S> workspace;
-  return optimize_pose(camera, observations, T_c_w_initial, options, TDistribution<S>(), workspace);
+  return optimize_pose(camera, observations, T_c_w_initial, options,
+                       TDistribution<S>::with_dimension(S(5), 1), workspace);
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

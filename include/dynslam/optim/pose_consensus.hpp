@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -252,3 +254,5 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

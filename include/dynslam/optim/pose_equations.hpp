@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <array>
 #include <concepts>
@@ -175,3 +177,5 @@ struct PointLinearisation<Camera> {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
@@ -269,3 +271,5 @@ PoseGraphResult<S> optimize_pose_graph(const PoseGraph<S>& graph, const PoseGrap
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

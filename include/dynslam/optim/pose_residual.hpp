@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <limits>
 #include <type_traits>
@@ -18,6 +20,39 @@ struct PoseObservation {
   S depth = S(0);              ///< along the optical axis [m]; invalid: reprojection only
   S inv_sigma_px2 = S(1);      ///< 1 / variance of each pixel coordinate [1/px^2]
   S inv_sigma_z2 = S(0);       ///< 1 / variance of the depth [1/m^2]
+
+  PoseObservation() = default;
+  /// Without depth, its pixel with a standard deviation of 1 px.
+  PoseObservation(const Eigen::Matrix<S, 3, 1>& point, const Eigen::Matrix<S, 2, 1>& pixel)
+      : p_w(point), x(pixel) {}
+  /// With depth. A depth counts by its accuracy, so that there is no way to give one without the other.
+  PoseObservation(const Eigen::Matrix<S, 3, 1>& point, const Eigen::Matrix<S, 2, 1>& pixel, const S& z,
+                  const S& pixel_information, const S& depth_information)
+      : p_w(point), x(pixel), depth(z), inv_sigma_px2(pixel_information), inv_sigma_z2(depth_information) {}
+};
+
+/// One sight of a point: which pose, which point, where, how far.
+template <Scalar S>
+struct BundleObservation {
+  int pose = 0, point = 0;
+  Eigen::Matrix<S, 2, 1> x;  ///< pixel of the camera that it is used with
+  S depth = S(0);            ///< along the optical axis [m]; invalid: reprojection only
+  S inv_sigma_px2 = S(1);    ///< [1/px^2]
+  S inv_sigma_z2 = S(0);     ///< [1/m^2]
+
+  BundleObservation() = default;
+  /// Without depth, its pixel with a standard deviation of 1 px.
+  BundleObservation(int pose_index, int point_index, const Eigen::Matrix<S, 2, 1>& pixel)
+      : pose(pose_index), point(point_index), x(pixel) {}
+  /// With depth, which counts by its accuracy.
+  BundleObservation(int pose_index, int point_index, const Eigen::Matrix<S, 2, 1>& pixel, const S& z,
+                    const S& pixel_information, const S& depth_information)
+      : pose(pose_index),
+        point(point_index),
+        x(pixel),
+        depth(z),
+        inv_sigma_px2(pixel_information),
+        inv_sigma_z2(depth_information) {}
 };
 
 /// Whether the depth of an observation is known, and how well: both it and its accuracy must be given.
@@ -105,3 +140,5 @@ template <Scalar S, CameraOf<S> Camera, class Transform>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

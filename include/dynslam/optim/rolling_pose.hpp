@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <array>
 #include <concepts>
@@ -79,7 +81,8 @@ class TurningRows {
       }
       for (int j = 0; j < 3; ++j) H(i + 6, j) = sums.mixed[static_cast<std::size_t>(3 * j + i)];
       H(i + 6, i + 6) += information_;
-      b(i + 6) = sums.mixed[kTorque + static_cast<std::size_t>(i)] + information_ * (turn(i) - prior_.mean(i));
+      b(i + 6) =
+          sums.mixed[kTorque + static_cast<std::size_t>(i)] + information_ * (turn(i) - prior_.mean(i));
     }
     system.assign(H, b);
   }
@@ -122,8 +125,10 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera>
     std::span<const std::type_identity_t<S>> share, const SE3<S>& T_c_w_initial,
     const TurnPrior<std::type_identity_t<S>>& prior = {}, const PoseOptions<S>& options = {}) {
   PoseWorkspace<S> workspace;
-  return optimize_rolling_pose(camera, observations, share, T_c_w_initial, prior, options, TDistribution<S>(),
-                               workspace);
+  return optimize_rolling_pose(camera, observations, share, T_c_w_initial, prior, options,
+                               TDistribution<S>::with_dimension(S(5), 1), workspace);
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <cmath>
+#include <cstddef>
 
 #include "dynslam/concepts/scalar.hpp"
 
@@ -30,7 +33,7 @@ class SmallCholesky {
       scale_[i] = S(1) / sqrt(A(i, i));
     }
     for (int j = 0; j < N; ++j) {
-      S scaled[N];  // column j of L P
+      S scaled[kSize];  // column j of L P
       for (int i = j; i < N; ++i) {
         S sum = A(i, j) * scale_[i] * scale_[j];
         for (int k = 0; k < j; ++k) sum -= L_[i][k] * (L_[j][k] * pivot_[k]);
@@ -77,8 +80,11 @@ class SmallCholesky {
   }
 
  private:
-  S L_[N][N]{};  // strictly lower part; the rest is not used
-  S pivot_[N]{}, inverse_pivot_[N]{}, scale_[N]{};
+  static constexpr auto kSize = static_cast<std::size_t>(N);
+  S L_[kSize][kSize]{};  // strictly lower part; the rest is not used
+  S pivot_[kSize]{}, inverse_pivot_[kSize]{}, scale_[kSize]{};
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <concepts>
@@ -63,3 +65,5 @@ void surface_weights(int width, int height, const SE3<S>& T_c_w,
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -296,3 +298,5 @@ SmoothingResult smooth_trajectory(std::span<TrackedPose<S>> poses, const Smoothi
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 namespace dynslam {
 
 /// 95 % quantile of chi-square: of 20 true residuals of `Dimension` components, one lies beyond in squared
@@ -15,3 +17,5 @@ inline constexpr double kChiSquareMedian2 = 1.3863;
 inline constexpr double kChiSquareMedian3 = 2.366;
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -174,3 +176,5 @@ template <std::size_t K, class Model, std::floating_point S, class Solve, class 
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

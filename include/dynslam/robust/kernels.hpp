@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cmath>
 
 #include "dynslam/concepts/robust.hpp"
@@ -61,3 +63,5 @@ static_assert(RobustKernel<SquaredLoss<double>, double> && RobustKernel<Huber<fl
               RobustKernel<Cauchy<double>, double> && RobustKernel<Tukey<float>, float>);
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cmath>
 #include <concepts>
 
@@ -45,3 +47,5 @@ class RhoSum<S, TDistribution<S>> {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -35,3 +37,5 @@ class SplitMix64 {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

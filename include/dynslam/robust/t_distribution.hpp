@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <Eigen/LU>
 #include <algorithm>
@@ -21,33 +23,37 @@ namespace dynslam {
 /// so weight = d rho / d s and, with numerator = nu + d, weight averages to about one over
 /// d-dimensional t-distributed residuals. The paper prints nu = 11 and nu + 1 also for its
 /// 3-vector; Kerl et al. (2013), whom it follows, use nu = 5, and the likelihood of a d-vector gives
-/// nu + d. The numerator only rescales the weights, and with them the threshold tau.
+/// nu + d. The numerator only rescales the weights, and with them the threshold tau. It has to be named:
+///
+///     with_dimension(5, 1)      nu + 1: scalar residuals (Eq 4), and the default of the pose estimators,
+///     whose
+///                               residuals have two or three components
+///     with_dimension(5, d)      nu + d: d-vectors (Eq 7)
+///     paper()                   12 / (11 + s): as printed
 template <Scalar S>
 struct TDistribution {
-  S nu = S(5);
-  S numerator = S(6);
-
-  constexpr TDistribution() = default;
-  /// For scalar residuals: numerator nu + 1.
-  constexpr explicit TDistribution(S degrees) : nu(degrees), numerator(degrees + S(1)) {}
+  S nu;
+  S numerator;
 
   /// The likelihood's numerator, nu + d, for residuals of `dimension` components.
   [[nodiscard]] static constexpr TDistribution with_dimension(S degrees, int dimension) {
-    return with_numerator(degrees, degrees + S(dimension));
+    return TDistribution(degrees, degrees + S(dimension));
   }
+  /// Any numerator.
   [[nodiscard]] static constexpr TDistribution with_numerator(S degrees, S explicit_numerator) {
-    TDistribution t(degrees);
-    t.numerator = explicit_numerator;
-    return t;
+    return TDistribution(degrees, explicit_numerator);
   }
   /// As printed in the paper: nu = 11 and numerator nu + 1 = 12, whatever the dimension.
-  [[nodiscard]] static constexpr TDistribution paper() { return with_numerator(S(11), S(12)); }
+  [[nodiscard]] static constexpr TDistribution paper() { return TDistribution(S(11), S(12)); }
 
   [[nodiscard]] S weight(const S& s) const { return numerator / (nu + s); }
   [[nodiscard]] S rho(const S& s) const {
     using std::log;
     return numerator * log(S(1) + s / nu);
   }
+
+ private:
+  constexpr TDistribution(S degrees, S explicit_numerator) : nu(degrees), numerator(explicit_numerator) {}
 };
 
 static_assert(RobustKernel<TDistribution<float>, float> && RobustKernel<TDistribution<double>, double>);
@@ -159,3 +165,5 @@ template <std::floating_point S, int D>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

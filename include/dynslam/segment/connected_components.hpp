@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -123,3 +125,5 @@ int connected_components(const Mask& mask, Connectivity connectivity, Labels&& l
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

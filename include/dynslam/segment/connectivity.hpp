@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 namespace dynslam {
 
 /// Which pixels are neighbours: those that share an edge, or those that share a corner, too. A region and the
@@ -8,3 +10,5 @@ namespace dynslam {
 enum class Connectivity { four = 4, eight = 8 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

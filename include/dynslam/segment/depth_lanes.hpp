@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <bit>
 #include <cmath>
@@ -112,3 +114,5 @@ template <std::floating_point S>
 }
 
 }  // namespace dynslam::detail
+
+#include "dynslam/pop_macros.hpp"

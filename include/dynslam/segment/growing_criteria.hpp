@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cmath>
 #include <concepts>
 
@@ -90,6 +92,7 @@ template <LabelImage Labels, class Step>
 class SameLabelStep {
  public:
   SameLabelStep(const Labels& labels, const Step& step) : labels_(&labels), step_(step) {}
+  SameLabelStep(const Labels&& labels, const Step& step) = delete;
   template <std::floating_point S>
     requires GrowingCriterion<Step, S>
   [[nodiscard]] bool operator()(const GrowingSite<S>& from, const GrowingSite<S>& to) const {
@@ -112,6 +115,7 @@ class SmoothSurfaceStep {
   /// @param max_angle  between neighbouring normals [rad], at most pi
   SmoothSurfaceStep(const Normals& normals, Scalar max_angle, const Step& step)
       : normals_(&normals), min_cosine_(std::cos(max_angle)), step_(step) {}
+  SmoothSurfaceStep(const Normals&& normals, Scalar max_angle, const Step& step) = delete;
   template <std::floating_point S>
     requires GrowingCriterion<Step, S>
   [[nodiscard]] bool operator()(const GrowingSite<S>& from, const GrowingSite<S>& to) const {
@@ -127,3 +131,5 @@ class SmoothSurfaceStep {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -325,3 +327,5 @@ class GrowingField {
 };
 
 }  // namespace dynslam::detail
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cstddef>
@@ -103,3 +105,5 @@ int keypoint_territories(const D& depth, std::span<const VerdictSite> sites, con
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -165,3 +167,5 @@ std::optional<int> cover_leading_edge(const P& last, const P& present, std::span
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

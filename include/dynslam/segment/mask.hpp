@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -196,3 +198,5 @@ void fill_holes(Mask&& mask, int max_pixels) {
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

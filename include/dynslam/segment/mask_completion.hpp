@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -53,7 +55,7 @@ std::size_t complete_surfaces(const D& depth, Mask&& mask, const Criterion& crit
       std::size_t on = 0;
       for (const PixelRun& run : ws.runs) {
         const auto row = image_row(mask, run.v);
-        for (int x = run.begin; x < run.end; ++x) on += row[x] != 0 ? 1 : 0;
+        for (int x = run.begin; x < run.end; ++x) on += row[x] != 0 ? 1U : 0U;
       }
       if (on == size) continue;
       const double least = share(std::span<const PixelRun>(ws.runs));
@@ -199,3 +201,5 @@ void complete_unmeasured(const G& gray, const D& depth, Mask&& mask, const Unmea
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

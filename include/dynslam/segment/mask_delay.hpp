@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -307,3 +309,5 @@ int cover_delay(const P& last, const P& present, const Mask& mask, const Prior& 
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <concepts>
@@ -126,3 +128,5 @@ void upsample_mask(const Cells& cells, const C& cell_depth, const D& depth, cons
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -149,3 +151,5 @@ void fill_run(I& image, PixelRun run, Pixel value) {
 }  // namespace detail
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -187,3 +189,5 @@ template <DepthImage D, class Criterion, OutputLabelImage Mask>
   }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <cstddef>
 
@@ -16,8 +18,9 @@ namespace dynslam {
 template <DepthImage D>
 class ValidDepthShare {
  public:
-  /// Refers to the image.
+  /// Refers to the image, which has to outlive it.
   explicit ValidDepthShare(const D& depth) : depth_(depth) {}
+  explicit ValidDepthShare(const D&& depth) = delete;
 
   /// Whether `pixels` are more than this share; of 1 or more never.
   [[nodiscard]] bool exceeded_by(std::size_t pixels, double share) {
@@ -45,7 +48,7 @@ class ValidDepthShare {
       for (int i = 0; i < kCount; ++i) counted_ += static_cast<std::size_t>(sum[i]);
     }
     const auto z = image_row(depth_, v);
-    for (; u < depth_.width(); ++u) counted_ += is_valid_depth(z[u]) ? 1 : 0;
+    for (; u < depth_.width(); ++u) counted_ += is_valid_depth(z[u]) ? 1U : 0U;
   }
 
   const D& depth_;
@@ -54,3 +57,5 @@ class ValidDepthShare {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -67,3 +69,5 @@ void carry_labels(const Camera& camera, const ThenDepth& then_depth, const ThenL
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -171,3 +173,5 @@ class CellTree {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

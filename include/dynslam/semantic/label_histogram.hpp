@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <array>
 #include <concepts>
@@ -98,3 +100,5 @@ class LabelHistogram {
 using MapLabels = LabelHistogram<kMapLabels>;
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

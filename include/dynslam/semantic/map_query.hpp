@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -308,3 +310,5 @@ template <VoxelMap M>
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

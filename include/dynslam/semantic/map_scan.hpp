@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -78,7 +80,7 @@ struct MapScan {
     std::size_t surface = 0;
     for (std::size_t k = 0; k < code.size(); ++k) {
       if (use(k) > Use::surface) return false;
-      surface += use(k) == Use::surface ? 1 : 0;
+      surface += use(k) == Use::surface ? 1U : 0U;
     }
     return rgb.size() == 3 * surface;
   }
@@ -234,3 +236,5 @@ class MapScanner {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

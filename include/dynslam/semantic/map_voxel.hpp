@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstdint>
 
 #include "dynslam/semantic/log_odds.hpp"
@@ -17,3 +19,5 @@ struct MapVoxel {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -232,3 +234,5 @@ class RayBits {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -107,3 +109,5 @@ bool traverse_ray(const VoxelGrid& grid, const Eigen::MatrixBase<A>& from, const
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <concepts>
 #include <cstddef>
@@ -60,3 +62,5 @@ std::size_t drop_retired(Scans& scans, std::size_t count) {
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -386,3 +388,5 @@ void gather_point_cloud(BasicScanVoxels<N>& scan, std::span<const ScanPoint> poi
 }
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <concepts>
 #include <cstddef>
 
@@ -25,3 +27,5 @@ struct SemanticVoxel {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

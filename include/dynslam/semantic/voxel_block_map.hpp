@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -180,3 +182,5 @@ static_assert(VoxelStore<VoxelBlockMap<float>> && VoxelStore<VoxelBlockMap<doubl
 static_assert(VoxelStore<VoxelBlockMap<float, 80>>);
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

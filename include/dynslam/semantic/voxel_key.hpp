@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <array>
 #include <cmath>
@@ -112,3 +114,5 @@ class VoxelGrid {
 };
 
 }  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"

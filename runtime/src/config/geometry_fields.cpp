@@ -110,7 +110,7 @@ void list(FieldList& f, FreeSpaceOptions& o) {
     between(1e-4, 60));
   f("follow_lag", o.follow_lag, "s", "age up to which views hand their masks on", between(0, 60));
   f("carry", o.carry, "s", "time that a mask survives without new evidence", between(0, 60));
-  f("near", o.near, "m", "distance from an earlier camera within which nothing is judged", kNotNegative);
+  f("min_depth", o.min_depth, "m", "distance from an earlier camera within which nothing is judged", kNotNegative);
   f("max_depth", o.max_depth, "m", "depth beyond which nothing is judged", kPositive);
   f("timing", o.timing, "",
     "share of the motion between two frames by which a depth image may lie beside "

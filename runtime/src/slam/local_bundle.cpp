@@ -12,7 +12,7 @@ void LocalBundle::start(const LocalMap& map, const DepthNoise<double>& noise, in
   running_ = std::async(std::launch::async, [this] {
     step_back(StepBack::some);
     return bundle_adjust<double>(camera_, window_.problem(), options_.solver,
-                                 TDistribution<double>(options_.nu), workspace_);
+                                 TDistribution<double>::with_dimension(options_.nu, 1), workspace_);
   });
 }
 

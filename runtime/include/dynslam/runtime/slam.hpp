@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -132,3 +134,5 @@ class Slam {
 };
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -93,3 +95,5 @@ void read_config(std::istream& in, const std::string& file, ConfigFields& fields
 [[nodiscard]] std::string nearest_name(const std::string& word, const std::vector<std::string>& candidates);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

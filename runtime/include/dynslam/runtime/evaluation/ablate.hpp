@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <atomic>
 #include <filesystem>
 #include <functional>
@@ -62,3 +64,5 @@ struct Ablation {
 [[nodiscard]] nlohmann::json to_json(const Ablation& ablation);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

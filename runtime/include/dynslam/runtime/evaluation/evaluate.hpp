@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
@@ -73,3 +75,5 @@ struct MaskReport {
 [[nodiscard]] std::string to_text(const MaskShares& shares);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

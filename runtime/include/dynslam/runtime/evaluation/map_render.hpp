@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstdint>
 #include <opencv2/core.hpp>
 
@@ -35,3 +37,5 @@ enum class MapColours : std::uint8_t {
                                  const Eigen::Vector3d& up = Eigen::Vector3d(0, -1, 0));
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

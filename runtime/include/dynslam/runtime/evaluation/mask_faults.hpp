@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -60,3 +62,5 @@ void write_mask_faults(const MaskFaultOptions& options,
                        const std::function<void(std::size_t done, std::size_t total)>& progress);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <opencv2/core.hpp>
 #include <span>
 #include <string>
@@ -65,3 +67,5 @@ struct SheetRow {
                                     std::span<const std::string> column_captions, int width = 320);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

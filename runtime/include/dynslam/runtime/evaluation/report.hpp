@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <span>
 #include <string>
 #include <vector>
@@ -23,3 +25,5 @@ struct Table {
 [[nodiscard]] std::string to_markdown(const Table& table);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
@@ -71,3 +73,5 @@ struct SweepRun {
                                      const std::string& program);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <array>
 #include <cstddef>
 #include <filesystem>
@@ -85,3 +87,5 @@ struct InspectOptions {
 [[nodiscard]] std::string to_text(const SequenceReport& report);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <functional>
 #include <optional>
@@ -37,3 +39,5 @@ struct ReadoutReport {
                                             const std::function<void(const ReadoutTrial&)>& progress = {});
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <filesystem>
 #include <memory>
 #include <ostream>
@@ -48,3 +50,5 @@ void sync_folder(const std::filesystem::path& folder);
                                                        std::string_view suffix);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <filesystem>
 #include <istream>
 #include <optional>
@@ -43,3 +45,5 @@ struct CameraConfig {
 [[nodiscard]] std::filesystem::path camera_file_in(const std::filesystem::path& folder);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <filesystem>
 #include <functional>
@@ -43,3 +45,5 @@ ConvertReport convert_sequence(const Sequence& sequence, const CameraConfig& cam
 [[nodiscard]] std::string camera_text(const CameraConfig& camera);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <filesystem>
 #include <memory>
 #include <opencv2/core.hpp>
@@ -43,3 +45,5 @@ class EncodedImage {
 void write_image(const std::filesystem::path& path, const cv::Mat& image);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -76,3 +78,5 @@ struct MapSummary {
 [[nodiscard]] nlohmann::json to_json(const MapSummary& summary);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

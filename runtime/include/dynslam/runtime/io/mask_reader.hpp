@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -57,3 +59,5 @@ class MaskSource {
 };
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

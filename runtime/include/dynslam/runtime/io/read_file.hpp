@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -21,3 +23,5 @@ inline constexpr std::uint64_t kReadLimit = std::uint64_t(1) << 28;
 void check_regular_file(const std::filesystem::path& path);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstdint>
 #include <filesystem>
 #include <vector>
@@ -38,3 +40,5 @@ void save_slam_map(const LocalMap& map, const CameraConfig& camera, const Semant
                                      std::uint64_t* map_id = nullptr);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -80,3 +82,5 @@ struct SequenceFormat {
 [[nodiscard]] CameraConfig camera_of(const Sequence& sequence, const std::string& name_or_file = {});
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

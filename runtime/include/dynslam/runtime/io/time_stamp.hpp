@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -24,3 +26,5 @@ struct TimeStamp {
 [[nodiscard]] std::string nanosecond_text(std::int64_t ns);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <filesystem>
 #include <istream>
 #include <span>
@@ -27,3 +29,5 @@ namespace dynslam::runtime {
 void write_trajectory(const std::filesystem::path& path, std::span<const StampedPose<double>> trajectory);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

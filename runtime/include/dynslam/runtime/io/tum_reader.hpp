@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstdint>
 #include <istream>
 #include <string>
@@ -24,3 +26,5 @@ struct ListEntry {
 [[nodiscard]] std::vector<FrameRecord> parse_associations(std::istream& in, const std::string& name);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

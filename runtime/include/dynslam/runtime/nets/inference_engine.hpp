@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -68,3 +70,5 @@ class InferenceEngine {
 [[nodiscard]] std::unique_ptr<InferenceEngine> make_opencv_engine(const std::filesystem::path& model);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <opencv2/core.hpp>
 #include <optional>
 #include <vector>
@@ -76,3 +78,5 @@ class MaskKeeper {
 };
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

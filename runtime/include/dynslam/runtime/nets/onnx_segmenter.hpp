@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <filesystem>
 #include <memory>
 #include <opencv2/core.hpp>
@@ -75,3 +77,5 @@ class OnnxSegmenter {
 [[nodiscard]] std::vector<std::string> parse_class_names(const std::string& text);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <opencv2/core.hpp>
 #include <span>
 #include <string>
@@ -66,3 +68,5 @@ struct DetectionOptions {
 void suppress_overlaps(std::vector<Detection>& detections, float max_overlap);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

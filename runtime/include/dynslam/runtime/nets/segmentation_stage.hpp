@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <optional>
 #include <thread>
@@ -50,3 +52,5 @@ class SegmentationStage {
 };
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <filesystem>
 #include <string>
@@ -42,3 +44,5 @@ struct ReportResult {
 ReportResult write_report(const ReportOptions& options);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

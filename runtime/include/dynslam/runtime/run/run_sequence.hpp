@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
@@ -108,3 +110,5 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
                         const RunWatch& watch = {});
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <optional>
 #include <string_view>
 
@@ -54,3 +56,5 @@ struct Additions {
 }
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

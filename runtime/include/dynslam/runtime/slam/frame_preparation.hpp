@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/slam/feature_extractor.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
@@ -20,3 +22,5 @@ class FramePreparation {
 };
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

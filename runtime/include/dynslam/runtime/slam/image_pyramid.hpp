@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
 #include <vector>
@@ -30,3 +32,5 @@ struct ImagePyramid {
 static_assert(ImagePyramidLike<ImagePyramid>);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstdint>
 #include <opencv2/core.hpp>
 
@@ -49,3 +51,5 @@ class LastView {
 };
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <future>
 #include <type_traits>
 
@@ -49,3 +51,5 @@ class LocalBundle {
 static_assert(!std::is_move_constructible_v<LocalBundle> && !std::is_move_assignable_v<LocalBundle>);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

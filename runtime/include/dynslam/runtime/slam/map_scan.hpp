@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -31,3 +33,5 @@ struct BgrView {
 static_assert(RgbImage<BgrView>);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

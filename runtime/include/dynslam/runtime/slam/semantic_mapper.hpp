@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -167,3 +169,5 @@ void copy_scans(const std::filesystem::path& from, std::uint64_t from_id, const 
                 std::uint64_t to_id);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -217,3 +219,5 @@ class Tracker {
 static_assert(!std::is_move_constructible_v<Tracker> && !std::is_move_assignable_v<Tracker>);
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

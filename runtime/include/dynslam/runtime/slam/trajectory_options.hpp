@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include "dynslam/optim/trajectory_smoothing.hpp"
 
 namespace dynslam::runtime {
@@ -11,3 +13,5 @@ struct TrajectoryOptions : SmoothingOptions {
 };
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

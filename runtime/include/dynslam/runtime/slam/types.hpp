@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include "dynslam/features/descriptor.hpp"
 #include "dynslam/features/feature.hpp"
 #include "dynslam/features/feature_grid.hpp"
@@ -37,3 +39,5 @@ using LoopClosing = dynslam::LoopClosing<double>;
 using LoopCloser = dynslam::LoopCloser<Pinhole<double>, AnyCamera<double>>;
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

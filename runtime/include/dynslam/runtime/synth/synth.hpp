@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/push_macros.hpp"
+
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -39,3 +41,5 @@ void synthesize(const SynthOptions& options, const std::filesystem::path& out,
                 const std::function<void(int done, int total)>& progress = {});
 
 }  // namespace dynslam::runtime
+
+#include "dynslam/pop_macros.hpp"

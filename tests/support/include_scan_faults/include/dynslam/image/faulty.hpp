@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Three faults for the include scan: a stream, a library, a higher layer.
+// Four faults for the include scan: macros, a stream, a library, a higher layer.
 #pragma once
 #include <cmath>
 #include <iostream>
