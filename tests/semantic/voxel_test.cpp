@@ -4,6 +4,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <limits>
 #include <type_traits>
 #include <vector>
 
@@ -59,6 +60,33 @@ TEST_CASE_TEMPLATE("a cell is unknown, then free or occupied; it is clamped and 
     ++updates;
   }
   CHECK(updates == 9);  // ln(0.97/0.03) / ln(0.6/0.4), rounded up
+}
+
+TEST_CASE_TEMPLATE("NaN is no measurement of a cell; certainty takes it to its bounds and no farther", S,
+                   float, double) {
+  const S nan = std::numeric_limits<S>::quiet_NaN(), inf = std::numeric_limits<S>::infinity();
+  const LogOddsParams<S> params;
+  LogOddsCell<S> cell;
+  cell.update(nan, params);
+  CHECK(cell.state(params) == Occupancy::unknown);
+  cell.update(params.hit, params);
+  cell.update(probability_to_log_odds(S(1.5)), params);  // no probability
+  CHECK(cell.log_odds() == params.hit);
+  CHECK(cell.state(params) == Occupancy::occupied);
+  cell.update(probability_to_log_odds(S(0)), params);
+  CHECK(cell.log_odds() == params.min);
+  CHECK(cell.state(params) == Occupancy::free);
+  cell.update(inf, params);
+  CHECK(cell.log_odds() == params.max);
+  CHECK(cell.state(params) == Occupancy::occupied);
+  // Without bounds opposite certainties contradict each other: the later one says nothing.
+  LogOddsParams<S> unbounded;
+  unbounded.min = -inf;
+  unbounded.max = inf;
+  LogOddsCell<S> certain;
+  certain.update(inf, unbounded);
+  certain.update(-inf, unbounded);
+  CHECK(certain.state(unbounded) == Occupancy::occupied);
 }
 
 TEST_CASE("updates commute before clamping") {
