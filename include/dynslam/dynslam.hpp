@@ -132,6 +132,7 @@
 #include "dynslam/semantic/scan_voxels.hpp"
 #include "dynslam/semantic/voxel.hpp"
 #include "dynslam/semantic/voxel_block_map.hpp"
+#include "dynslam/semantic/voxel_end.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
 #include "dynslam/version.hpp"
 #include "dynslam/wide_vectors.hpp"

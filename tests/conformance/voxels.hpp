@@ -21,6 +21,7 @@
 #include "dynslam/semantic/ray_bits.hpp"
 #include "dynslam/semantic/ray_traversal.hpp"
 #include "dynslam/semantic/scan_voxels.hpp"
+#include "dynslam/semantic/voxel_end.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
 #include "record.hpp"
 

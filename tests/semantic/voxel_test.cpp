@@ -3,7 +3,9 @@
 
 #include <doctest/doctest.h>
 
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <type_traits>
 #include <vector>
@@ -144,6 +146,24 @@ TEST_CASE_TEMPLATE("the number of labels is a parameter; none of them vanishes",
     CHECK(h.total() == 3);
   }
   CHECK(sizeof(LabelHistogram<N::value>) == N::value);
+}
+
+TEST_CASE("a tie is the smallest label's, and 0, which is none, never wins one") {
+  LabelHistogram<4> h({5, 2, 5, 5});
+  CHECK(h.top() == 2);
+  CHECK(LabelHistogram<4>({6, 2, 5, 5}).top() == 0);
+  CHECK(LabelHistogram<4>({0, 0, 0, 0}).top() == 0);
+  CHECK(LabelHistogram<1>(std::array<std::uint8_t, 1>{3}).top() == 0);
+  // Sums that rounding makes equal keep their order.
+  test::Rng rng("ties of sums");
+  for (int trial = 0; trial < 500; ++trial) {
+    std::array<int, 4> sums{};
+    for (int& sum : sums) sum = rng.integer(0, 1) * rng.integer(0, 30);
+    std::size_t most = 0;
+    for (std::size_t i = 1; i < 4; ++i)
+      if (sums[i] > sums[most] || (most == 0 && sums[i] == sums[0] && sums[i] > 0)) most = i;
+    CHECK(LabelHistogram<4>::from_sums(sums, 8).top() == most);
+  }
 }
 
 TEST_CASE("a voxel joins occupancy and label") {
