@@ -121,6 +121,7 @@
 #include "dynslam/segment/valid_depth_share.hpp"
 #include "dynslam/semantic/carried_labels.hpp"
 #include "dynslam/semantic/cell_tree.hpp"
+#include "dynslam/semantic/depth_code.hpp"
 #include "dynslam/semantic/label_histogram.hpp"
 #include "dynslam/semantic/log_odds.hpp"
 #include "dynslam/semantic/map_query.hpp"

@@ -14,6 +14,7 @@
 #include "cameras.hpp"
 #include "dynslam/concepts/map.hpp"
 #include "dynslam/image/image.hpp"
+#include "dynslam/semantic/depth_code.hpp"
 #include "dynslam/semantic/label_histogram.hpp"
 #include "dynslam/semantic/map_query.hpp"
 #include "dynslam/semantic/map_scan.hpp"
