@@ -14,6 +14,7 @@
 #include "cameras.hpp"
 #include "dynslam/concepts/map.hpp"
 #include "dynslam/image/image.hpp"
+#include "dynslam/semantic/depth_code.hpp"
 #include "dynslam/semantic/label_histogram.hpp"
 #include "dynslam/semantic/map_query.hpp"
 #include "dynslam/semantic/map_scan.hpp"
@@ -21,6 +22,7 @@
 #include "dynslam/semantic/ray_bits.hpp"
 #include "dynslam/semantic/ray_traversal.hpp"
 #include "dynslam/semantic/scan_voxels.hpp"
+#include "dynslam/semantic/voxel_end.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
 #include "record.hpp"
 

@@ -92,6 +92,19 @@ TEST_CASE("classify counts, and distrusts what it cannot judge") {
   CHECK(dynamic == std::vector<std::uint8_t>{0, 1, 0, 1});
 }
 
+TEST_CASE_TEMPLATE("a weight depends on errors in standard deviations, whatever their size", S, float,
+                   double) {
+  for (const S size : {S(1e-30), S(1e-20), S(1), S(1e20), S(1e30)}) {
+    KeypointResiduals<S> e;
+    e.photometric = S(3) * size;
+    e.reprojection = S(2) * size;
+    e.depth = size;
+    e.has_photometric = e.has_depth = true;
+    const StaticWeightScales<S> scales{size, size, size};
+    CHECK(static_weight(e, scales, S(5)) == doctest::Approx(8.0 / 19.0));
+  }
+}
+
 TEST_CASE_TEMPLATE("perfect matches are static: scales of exact residuals still weigh them", S, float,
                    double) {
   // Fault: a scale of 0 made 0 / 0 of a perfect point, whose weight NaN counts as dynamic.

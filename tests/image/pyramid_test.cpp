@@ -11,6 +11,39 @@
 
 using namespace dynslam;
 
+namespace {
+
+/// Rows by something that turns into a pointer.
+struct ImageByHandles {
+  using Pixel = float;
+  struct Handle {
+    const float* first;
+    operator const float*() const { return first; }
+  };
+  Image<float> pixels{40, 34};
+  [[nodiscard]] int width() const { return pixels.width(); }
+  [[nodiscard]] int height() const { return pixels.height(); }
+  [[nodiscard]] float operator()(int u, int v) const { return pixels(u, v); }
+  [[nodiscard]] Handle row(int v) const { return {pixels.row(v)}; }
+};
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("rows that only turn into pointers make the same pyramid", T, std::uint8_t, float) {
+  ImageByHandles image;
+  for (int v = 0; v < image.height(); ++v)
+    for (int u = 0; u < image.width(); ++u) image.pixels(u, v) = static_cast<float>((7 * u + 13 * v) % 251);
+  HalvingPyramid<T> by_handles, by_rows;
+  by_handles.build(image, 2);
+  by_rows.build(image.pixels, 2);
+  REQUIRE(by_handles.size() == 2);
+  for (int level = 0; level < 2; ++level) {
+    for (int v = 0; v < by_rows.image(level).height(); ++v)
+      for (int u = 0; u < by_rows.image(level).width(); ++u)
+        CHECK(by_handles.image(level)(u, v) == by_rows.image(level)(u, v));
+  }
+}
+
 TEST_CASE_TEMPLATE("each level is the mean of two by two pixels, and an odd rest is dropped", T, std::uint8_t,
                    float) {
   Image<T> image(67, 41);

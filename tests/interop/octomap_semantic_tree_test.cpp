@@ -5,6 +5,7 @@
 #include <octomap/ColorOcTree.h>
 #include <octomap/OcTree.h>
 
+#include <limits>
 #include <memory>
 #include <sstream>
 #include <string>
@@ -210,6 +211,9 @@ TEST_CASE("OctoMap's own queries and updates work, and carry labels to the paren
   REQUIRE(hit.status == RayStatus::hit);
   CHECK((hit.cell.centre - Eigen::Vector3f(end.x(), end.y(), end.z()).cast<double>()).norm() < 1e-4);
   CHECK(tree.search(end, 14)->labelled());
+  const float before = node->getLogOdds();
+  tree.updateNode(end, std::numeric_limits<float>::quiet_NaN());
+  CHECK(node->getLogOdds() == before);
   // Misses by OctoMap's updateNode: a voxel that becomes free forgets its label.
   for (int k = 0; k < 30; ++k) tree.updateNode(end, false);
   CHECK_FALSE(tree.isNodeOccupied(tree.search(end)));

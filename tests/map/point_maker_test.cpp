@@ -3,8 +3,10 @@
 
 #include <doctest/doctest.h>
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 #include <vector>
 
@@ -138,6 +140,36 @@ TEST_CASE_TEMPLATE("a pixel without a ray makes no point and moves none", S, flo
   frame.point[0] = map.add_point(matched);
   CHECK(maker.make(map, sights.pyramid, frame) == 2);
   CHECK(map.point(frame.point[0]).p_w == matched.p_w);
+}
+
+TEST_CASE_TEMPLATE("a feature at no pixel or without a depth moves no point", Camera,
+                   DYNSLAM_FEATURE_CAMERAS) {
+  using S = typename Camera::ScalarType;
+  const Sights<Camera> sights;
+  typename Sights<Camera>::Map map;
+  PointMakerOptions<S> options;
+  options.average = true;
+  PointMaker<S, Camera> maker(sights.camera, kImageWidth, kImageHeight, options);
+  Frame<S> frame = sights.frame(SE3<S>());
+  maker.trust_all(frame);
+  (void)maker.make(map, sights.pyramid, frame);
+  map.add_keyframe(frame);
+  const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+  Frame<S> bad = frame;
+  bad.features[0].x = nan;
+  bad.features[1].y = inf;
+  bad.features[2].depth = nan;
+  bad.features[3].depth = inf;
+  maker.trust_all(bad);
+  (void)maker.make(map, sights.pyramid, bad);
+  map.add_keyframe(bad);
+  maker.trust_all(frame);
+  (void)maker.make(map, sights.pyramid, frame);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto& point = map.point(frame.point[i]);
+    CHECK((point.p_w - sights.points[i]).norm() < S(1e-4));
+    CHECK(std::isfinite(point.information));
+  }
 }
 
 TEST_CASE("the camera is deduced, and is the ideal pinhole where only the scalar is named") {

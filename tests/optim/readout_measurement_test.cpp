@@ -65,6 +65,36 @@ TEST_CASE_TEMPLATE("the readout of a rolling shutter is measured beside unknown 
   CHECK(std::abs(static_cast<double>(measured<S>(-0.01, 0, 1.0).correction()) + 0.01) < 0.0006);  // upwards
 }
 
+TEST_CASE_TEMPLATE("an observation with NaN or infinity in it does not spoil those of all images", S, float,
+                   double) {
+  const S nan = std::numeric_limits<S>::quiet_NaN(), inf = std::numeric_limits<S>::infinity();
+  const auto good = measured<S>(0.024, 0, 1.0);
+  for (const S bad : {nan, inf}) {
+    auto m = good;
+    const Pinhole<S> camera(S(525), S(525), S(319.5), S(239.5));
+    PoseObservation<S> o;
+    o.p_w = {S(0.1), S(0.2), S(2)};
+    o.x = {S(300), S(200)};
+    o.inv_sigma_px2 = S(12);
+    const Eigen::Matrix<S, 6, 1> speed = Eigen::Matrix<S, 6, 1>::Constant(S(0.5));
+    m.begin_image(SE3<S>(), speed);
+    auto at_nowhere = o;
+    at_nowhere.x.x() = bad;
+    m.observe(camera, at_nowhere, S(1), S(0.2));
+    auto deep = o;
+    deep.depth = bad;
+    deep.inv_sigma_z2 = S(1e4);
+    m.observe(camera, deep, S(1), S(0.2));
+    m.observe(camera, o, bad, S(0.2));
+    m.observe(camera, o, S(1), bad);
+    m.end_image();
+    // What is left are two pixels, which do not determine a pose.
+    CHECK(m.correction() == good.correction());
+    CHECK(std::isfinite(m.sigma()));
+    CHECK(m.sigma() == doctest::Approx(double(good.sigma())).epsilon(0.01));
+  }
+}
+
 TEST_CASE_TEMPLATE("a camera that hardly moves does not tell its readout, and one without images nothing", S,
                    float, double) {
   CHECK(measured<S>(0.024, 0, 0.01).sigma() > S(0.002));

@@ -141,6 +141,89 @@ TEST_CASE("too few or degenerate residuals are told") {
   CHECK(*estimate_scale<double>(std::span<const double>(zeros), 5.0) == ScaleOptions<double>().floor);
 }
 
+TEST_CASE_TEMPLATE("the scale of residuals of any size is theirs", S, float, double) {
+  test::Rng rng("scale of any size");
+  std::vector<S> unit;
+  for (int i = 0; i < 2001; ++i) unit.push_back(static_cast<S>(student(rng, 5, 1.0)));
+  for (const double gross : {6.0, 0.0}) {
+    ScaleOptions<S> options;
+    options.gross = static_cast<S>(gross);
+    ScaleWorkspace<S> workspace;
+    const S one = *estimate_scale<S>(unit, {}, options, workspace);
+    const int most = std::numeric_limits<S>::max_exponent - 12,
+              least = std::numeric_limits<S>::min_exponent + 30;
+    for (const int exponent : {least, -84, -83, -40, 0, 40, 66, 100, most}) {  // 1e-25: -83, 1e20: 66
+      std::vector<S> r;
+      for (const S a : unit) r.push_back(std::ldexp(a, exponent));
+      CAPTURE(exponent);
+      CHECK(*estimate_scale<S>(r, {}, options, workspace) == std::ldexp(one, exponent));
+    }
+  }
+  for (const double size : {1e-25, 1e-19, 1e-6, 1e20, 1e30}) {
+    std::vector<S> r;
+    for (const S a : unit) r.push_back(static_cast<S>(double(a) * size));
+    CHECK(double(*estimate_scale<S>(std::span<const S>(r), S(5))) == doctest::Approx(size).epsilon(0.05));
+  }
+  // Denormal ones, the largest there are, and outliers beyond all squares.
+  const S least = std::numeric_limits<S>::denorm_min(), most = std::numeric_limits<S>::max();
+  ScaleWorkspace<S> workspace;
+  ScaleOptions<S> bare;
+  bare.gross = S(0);
+  for (const auto& options : {ScaleOptions<S>(), bare}) {
+    const auto scale = [&](const std::vector<S>& r) { return *estimate_scale<S>(r, {}, options, workspace); };
+    CHECK(scale({least, -least, least, least}) == options.floor);
+    CHECK(scale({most / 2, -most / 2, most / 2, most / 2}) > most / 4);
+    CHECK(scale({most / 2, -most / 2, most / 2, most / 2}) < most);
+    const S mixed = scale({S(1), S(-1), S(1), S(-1), S(1), S(1), S(-1), S(1), S(-1), S(1), most});
+    CHECK(mixed > S(0.5));
+    CHECK(mixed < S(3));
+  }
+}
+
+TEST_CASE_TEMPLATE("the sum of rho is that of logarithms up to the largest numbers", S, float, double) {
+  RhoSum<S, TDistribution<S>> sum(TDistribution<S>::with_dimension(S(5), 3));
+  double expected = 0;
+  for (double s = 1; s < 0.2 * double(std::numeric_limits<S>::max()); s *= 1e3) {
+    for (const double next : {1e17, s}) {  // a product that is large already
+      sum.add(static_cast<S>(next));
+      expected += 8 * std::log1p(next / 5);
+    }
+  }
+  CHECK(double(sum.value()) == doctest::Approx(expected).epsilon(1e-5));
+}
+
+TEST_CASE_TEMPLATE("the joint covariance of residuals of any size, some of them no numbers, is theirs", S,
+                   float, double) {
+  using Vector = Eigen::Matrix<S, 3, 1>;
+  test::Rng rng("covariance of any size");
+  std::vector<Eigen::Vector3d> unit;
+  for (int i = 0; i < 4000; ++i)
+    unit.emplace_back(4 * student(rng, 5, 1), student(rng, 5, 1), 0.03 * student(rng, 5, 1));
+  for (const double size : {1e-15, 1e-13, 1.0, 1e12, 1e15}) {
+    for (const double start : {1e-12, 1.0, 1e12}) {
+      std::vector<Vector> r;
+      for (const auto& u : unit) r.push_back((size * u).cast<S>());
+      r[7](1) = std::numeric_limits<S>::quiet_NaN();
+      r[8](2) = std::numeric_limits<S>::infinity();
+      CAPTURE(size);
+      CAPTURE(start);
+      const Eigen::Matrix<S, 3, 3> initial = Eigen::Matrix<S, 3, 3>::Identity() * static_cast<S>(start);
+      const auto estimate = estimate_covariance<S, 3>(r, initial, S(5));
+      const auto expected = estimate_covariance<double, 3>(std::span<const Eigen::Vector3d>(unit),
+                                                           Eigen::Matrix3d::Identity(), 5.0);
+      REQUIRE(estimate);
+      REQUIRE(expected);
+      const Eigen::Matrix3d back = estimate->template cast<double>() / (size * size);
+      for (int i = 0; i < 3; ++i) {
+        CHECK(back(i, i) == doctest::Approx((*expected)(i, i)).epsilon(0.01));
+        for (int j = 0; j < i; ++j)
+          CHECK(std::abs(back(i, j) - (*expected)(i, j)) <
+                0.01 * std::sqrt((*expected)(i, i) * (*expected)(j, j)));
+      }
+    }
+  }
+}
+
 TEST_CASE("the joint covariance is recovered from a wrong start") {
   test::Rng rng("joint covariance");
   const Eigen::Vector3d sigma(4.0, 0.8, 0.03);

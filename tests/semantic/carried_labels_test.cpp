@@ -126,6 +126,21 @@ TEST_CASE("what moved since takes no label along, and leaves none on what it unc
   CHECK(card > 500);
 }
 
+TEST_CASE("a label that the new image cannot hold is none, not another one") {
+  const Pinhole<double> camera(80, 80, 60, 45);
+  const auto view = LabelledScene().seen_by(camera, SE3d());
+  Image<std::uint8_t> bytes(kLabelsWidth, kLabelsHeight, 9);
+  carry_labels(camera, view.depth, view.labels, view.depth, SE3d(), bytes);
+  int held = 0;
+  for (int v = 0; v < kLabelsHeight; ++v) {
+    for (int u = 0; u < kLabelsWidth; ++u) {
+      CHECK(bytes(u, v) == (view.labels(u, v) == 700 ? 0 : view.labels(u, v)));  // 700 was 188
+      held += bytes(u, v) == 3 ? 1 : 0;
+    }
+  }
+  CHECK(held > 50);
+}
+
 TEST_CASE("pixels without depth, and views that share nothing, get no label") {
   const Pinhole<double> camera(80, 80, 60, 45);
   const LabelledScene scene;

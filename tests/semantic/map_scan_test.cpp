@@ -3,9 +3,11 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "dynslam/geometry/brown_conrady.hpp"
@@ -13,6 +15,7 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/semantic/scan_voxels.hpp"
 #include "equidistant_camera.hpp"
+#include "random.hpp"
 
 using namespace dynslam;
 
@@ -170,6 +173,121 @@ TEST_CASE_TEMPLATE("a fisheye that the library does not know fills the same wall
     widest = std::max(widest, std::abs(p.x()) / p.z());
   }
   CHECK(widest > S(4));
+}
+
+TEST_CASE_TEMPLATE("what is farther than the range clears the way up to it, whatever the depth", S, float,
+                   double) {
+  const Pinhole<S> camera(S(100), S(100), S(80), S(60));
+  // Depth that is as good far away as near: the range alone limits what is mapped.
+  MapScanOptions<S> options;
+  options.noise = DepthNoise<S>::time_of_flight(S(0.005), S(0));
+  const SE3<S> T_w_c(SO3<S>(), Eigen::Matrix<S, 3, 1>(S(0.5), S(-0.5), S(1)));
+  for (const double range : {4.0, 12.0, 30.0, 0.0}) {
+    options.max_range = range;
+    const MapScanner<S> scanner(camera, 160, 120, options);
+    for (const double z : {0.7, 3.0, 13.0, 13.2, 25.0, 100.0, 900.0}) {
+      CAPTURE(range);
+      CAPTURE(z);
+      Scene scene;
+      for (int v = 0; v < 120; ++v)
+        for (int u = 0; u < 160; ++u) scene.depth(u, v) = static_cast<float>(z);
+      const auto scan = scanner.pack(scene.depth, scene.mask, scene.labels, scene.colours);
+      Recorder<S> voxels;
+      scanner.gather(scan, T_w_c, voxels);
+      REQUIRE(voxels.carved.size() == scanner.samples());
+      const bool mapped = range == 0 || z <= range;
+      CHECK(voxels.ends.size() == (mapped ? scanner.samples() : 0));
+      // As far as the surface is certain to be, or to the range; to a voxel before what is not mapped.
+      const double clear = mapped ? z - 0.01 : std::min(z - 0.01 - 0.05, range);
+      for (const auto& p : voxels.ends) CHECK(std::abs(double(p.z()) - 1 - z) < 3e-4 * z);
+      for (const auto& p : voxels.carved) CHECK(std::abs(double(p.z()) - 1 - clear) < 3e-4 * z);
+    }
+  }
+}
+
+TEST_CASE_TEMPLATE("the neighbours' depth takes noise off a plane and leaves its edges out", S, float,
+                   double) {
+  // A floor that rises from 1 m below the camera, seen with the sensor's noise.
+  const Pinhole<S> camera(S(100), S(100), S(80), S(60));
+  MapScanOptions<S> options;
+  options.pixel_stride = 1;
+  const MapScanner<S> scanner(camera, 160, 120, options);
+  test::Rng rng("noise of a plane");
+  Scene scene;
+  const Eigen::Vector3d normal(0.3, 0.5, -1);  // . p = -2
+  double noise = 0;
+  for (int v = 0; v < 120; ++v) {
+    for (int u = 0; u < 160; ++u) {
+      const double z = -2 / normal.dot(Eigen::Vector3d((u - 80) / 100.0, (v - 60) / 100.0, 1)),
+                   off = double(options.noise.sigma(static_cast<S>(z))) * rng.normal();
+      scene.depth(u, v) =
+          u == 40 && v == 40 ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(z + off);
+      noise += off * off;
+    }
+  }
+  Recorder<S> voxels;
+  scanner.gather(scanner.pack(scene.depth, scene.mask, scene.labels, scene.colours), SE3<S>(), voxels);
+  REQUIRE(voxels.ends.size() > 0.95 * 160 * 120);
+  double left = 0, bias = 0;
+  for (const auto& p : voxels.ends) {
+    const Eigen::Vector3d q = p.template cast<double>();
+    const double off = (normal.dot(q) + 2) / normal.dot(q / q.z());  // in depth
+    left += off * off;
+    bias += off;
+  }
+  const auto count = static_cast<double>(voxels.ends.size());
+  CHECK(std::sqrt(left / count) < 0.5 * std::sqrt(noise / (160 * 120)));  // 1 / sqrt(5) within the image
+  CHECK(std::abs(bias / count) < 0.05 * std::sqrt(noise / (160 * 120)));
+}
+
+TEST_CASE_TEMPLATE("rays out of the grid clear the way up to its border", S, float, double) {
+  const Pinhole<S> camera(S(100), S(100), S(80), S(60));
+  MapScanOptions<S> options;
+  options.noise = DepthNoise<S>::time_of_flight(S(0.005), S(0));
+  const MapScanner<S> scanner(camera, 160, 120, options);
+  Scene scene;
+  for (int v = 0; v < 120; ++v)
+    for (int u = 0; u < 160; ++u) scene.depth(u, v) = 40.0F;
+  const double edge = 0.05, border = 32767.5 * edge;
+  const SE3<S> T_w_c(SO3<S>(), Eigen::Matrix<S, 3, 1>(S(0.5), S(-0.5), S(border - 20)));
+  Recorder<S> voxels;
+  scanner.gather(scanner.pack(scene.depth, scene.mask, scene.labels, scene.colours), T_w_c, voxels);
+  CHECK(voxels.ends.empty());
+  REQUIRE(voxels.carved.size() == scanner.samples());
+  for (const auto& p : voxels.carved) CHECK(std::abs(double(p.z()) - border) < 1e-3);
+  ScanVoxels scan{VoxelGrid(edge)};
+  scanner.gather(scanner.pack(scene.depth, scene.mask, scene.labels, scene.colours), T_w_c, scan);
+  CHECK(scan.hits() == 0);
+  CHECK(scan.misses() > 20 / edge);
+}
+
+TEST_CASE_TEMPLATE("without a given range the noise sets one, by the edge of the voxels", S, float, double) {
+  MapScanOptions<S> options;
+  for (const double edge : {0.02, 0.05, 0.2}) {
+    const double range = options.range(edge);
+    CHECK(double(options.noise.sigma(static_cast<S>(range))) == doctest::Approx(options.range_edges * edge));
+  }
+  options.max_range = 2.5;
+  CHECK(options.range(0.05) == 2.5);
+  options.max_range = 0;
+  CHECK(options.range(0.0005) == 0);  // no depth is as good as such voxels
+  using Noise = DepthNoise<S>;
+  CHECK(double(Noise::time_of_flight(S(0.01), S(0.01)).range(S(0.05))) == doctest::Approx(4));
+  CHECK(Noise::time_of_flight(S(0.01), S(0)).range(S(0.05)) == std::numeric_limits<S>::infinity());
+  CHECK(Noise::structured_light(S(0.01), S(0.002)).range(S(0.01)) == S(0));
+  CHECK(double(Noise{S(0), S(1e-30), S(1)}.range(S(3))) == doctest::Approx(3));  // nothing cancels
+
+  // A wall at 2 m is mapped with voxels of 5 cm and is beyond the range with those of 5 mm.
+  const MapScanner<S> scanner(Pinhole<S>(S(100), S(100), S(80), S(60)), 160, 120);
+  Scene scene;
+  scene.depth.fill(2.0F);
+  const auto scan = scanner.pack(scene.depth, scene.mask, scene.labels, scene.colours);
+  ScanVoxels coarse{VoxelGrid(0.05)}, fine{VoxelGrid(0.005)};
+  scanner.gather(scan, SE3<S>(), coarse);
+  scanner.gather(scan, SE3<S>(), fine);
+  CHECK(coarse.hits() > 500);
+  CHECK(fine.hits() == 0);
+  CHECK(fine.misses() > 10000);
 }
 
 TEST_CASE("a damaged scan is recognised") {

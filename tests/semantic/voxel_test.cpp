@@ -3,7 +3,10 @@
 
 #include <doctest/doctest.h>
 
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <type_traits>
 #include <vector>
 
@@ -61,6 +64,33 @@ TEST_CASE_TEMPLATE("a cell is unknown, then free or occupied; it is clamped and 
   CHECK(updates == 9);  // ln(0.97/0.03) / ln(0.6/0.4), rounded up
 }
 
+TEST_CASE_TEMPLATE("NaN is no measurement of a cell; certainty takes it to its bounds and no farther", S,
+                   float, double) {
+  const S nan = std::numeric_limits<S>::quiet_NaN(), inf = std::numeric_limits<S>::infinity();
+  const LogOddsParams<S> params;
+  LogOddsCell<S> cell;
+  cell.update(nan, params);
+  CHECK(cell.state(params) == Occupancy::unknown);
+  cell.update(params.hit, params);
+  cell.update(probability_to_log_odds(S(1.5)), params);  // no probability
+  CHECK(cell.log_odds() == params.hit);
+  CHECK(cell.state(params) == Occupancy::occupied);
+  cell.update(probability_to_log_odds(S(0)), params);
+  CHECK(cell.log_odds() == params.min);
+  CHECK(cell.state(params) == Occupancy::free);
+  cell.update(inf, params);
+  CHECK(cell.log_odds() == params.max);
+  CHECK(cell.state(params) == Occupancy::occupied);
+  // Without bounds opposite certainties contradict each other: the later one says nothing.
+  LogOddsParams<S> unbounded;
+  unbounded.min = -inf;
+  unbounded.max = inf;
+  LogOddsCell<S> certain;
+  certain.update(inf, unbounded);
+  certain.update(-inf, unbounded);
+  CHECK(certain.state(unbounded) == Occupancy::occupied);
+}
+
 TEST_CASE("updates commute before clamping") {
   const LogOddsParams<double> params;
   LogOddsCell<double> a, b;
@@ -116,6 +146,24 @@ TEST_CASE_TEMPLATE("the number of labels is a parameter; none of them vanishes",
     CHECK(h.total() == 3);
   }
   CHECK(sizeof(LabelHistogram<N::value>) == N::value);
+}
+
+TEST_CASE("a tie is the smallest label's, and 0, which is none, never wins one") {
+  LabelHistogram<4> h({5, 2, 5, 5});
+  CHECK(h.top() == 2);
+  CHECK(LabelHistogram<4>({6, 2, 5, 5}).top() == 0);
+  CHECK(LabelHistogram<4>({0, 0, 0, 0}).top() == 0);
+  CHECK(LabelHistogram<1>(std::array<std::uint8_t, 1>{3}).top() == 0);
+  // Sums that rounding makes equal keep their order.
+  test::Rng rng("ties of sums");
+  for (int trial = 0; trial < 500; ++trial) {
+    std::array<int, 4> sums{};
+    for (int& sum : sums) sum = rng.integer(0, 1) * rng.integer(0, 30);
+    std::size_t most = 0;
+    for (std::size_t i = 1; i < 4; ++i)
+      if (sums[i] > sums[most] || (most == 0 && sums[i] == sums[0] && sums[i] > 0)) most = i;
+    CHECK(LabelHistogram<4>::from_sums(sums, 8).top() == most);
+  }
 }
 
 TEST_CASE("a voxel joins occupancy and label") {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What must satisfy a concept and what must not. To compile is to pass.
+#include <array>
 #include <complex>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -65,6 +67,29 @@ static_assert(!std::is_convertible_v<ImageView<const float>, ImageView<float>>);
 static_assert(MutableImage<dynslam::StridedView<float>> && !dynslam::RowImage<dynslam::StridedView<float>>);
 static_assert(
     std::same_as<decltype(dynslam::view(std::declval<Eigen::MatrixXf&>())), dynslam::StridedView<float>>);
+// Rows are pointers to pixels: what only turns into one, or points to what has another size, is read by (u,
+// v).
+template <class Row>
+struct ImageOfRows {
+  using Pixel = float;
+  [[nodiscard]] int width() const { return 0; }
+  [[nodiscard]] int height() const { return 0; }
+  [[nodiscard]] float operator()(int, int) const { return 0; }
+  [[nodiscard]] Row row(int) const;
+};
+struct RowHandle {
+  operator const float*() const;
+};
+static_assert(dynslam::RowImage<ImageOfRows<const float*>> && dynslam::RowImage<ImageOfRows<float*>>);
+static_assert(dynslam::ImageLike<ImageOfRows<RowHandle>> && !dynslam::RowImage<ImageOfRows<RowHandle>>);
+static_assert(!dynslam::RowImage<ImageOfRows<std::nullptr_t>> &&
+              !dynslam::RowImage<ImageOfRows<const double*>>);
+template <class I>
+concept HasPyramid = requires(dynslam::HalvingPyramid<std::uint8_t>& pyramid, const I& image) {
+  pyramid.build(image, 1);
+};
+static_assert(HasPyramid<ImageOfRows<const float*>> && HasPyramid<ImageOfRows<RowHandle>>);
+static_assert(!HasPyramid<Image<std::array<std::uint8_t, 3>>>);  // colours have no mean of four
 // What functions write: an image by reference, a view by value; no constant, no temporary.
 static_assert(dynslam::OutputLabelImage<Image<std::uint8_t>&> && dynslam::OutputLabelImage<ImageView<int>>);
 static_assert(!dynslam::OutputImage<const Image<float>&> && !dynslam::OutputImage<ImageView<const float>>);

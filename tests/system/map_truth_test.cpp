@@ -47,6 +47,11 @@ cv::Mat noisy_depth(const synth::Rendering& exact, std::uint64_t seed) {
   return depth;
 }
 
+double mapped_range() {
+  const SemanticMapperOptions options;
+  return options.scan.range(options.resolution);
+}
+
 void report(const std::string& what, const test::MapScore& s) {
   MESSAGE(what << ": occupied " << s.occupied << " precision " << s.precision() << " (exact voxel "
                << s.precision_exact() << ") recall " << s.recall() << " (exact voxel " << s.recall_exact()
@@ -74,7 +79,7 @@ TEST_CASE("a walking sequence: surfaces are mapped, labels are right, walkers le
     const SE3<double> T_w_c = camera_at(t);
     const auto exact =
         synth::render(triangles, scene.textures(), test::kFreiburg3, T_w_c.inverse(), kWidth, kHeight);
-    truth.add_instant(triangles, exact, test::kFreiburg3, T_w_c, SemanticMapperOptions().scan.max_range);
+    truth.add_instant(triangles, exact, test::kFreiburg3, T_w_c, mapped_range());
     for (double dt = 0.05; dt < 0.45; dt += 0.05) truth.add_movers(scene.triangles(t + dt));
     cv::Mat movers;
     cv::dilate(exact.dynamic | (exact.label == static_cast<int>(Label::person)), movers, margin);
@@ -211,7 +216,7 @@ TEST_CASE("the whole pipeline on a walking sequence, at its own poses" * doctest
     const SE3<double> T = T_c0_w * sequence.groundtruth[i].T_w_c;
     const auto exact =
         synth::render(triangles, scene.textures(), pinhole, T.inverse(), camera.width, camera.height);
-    truth.add_instant(triangles, exact, pinhole, T, SemanticMapperOptions().scan.max_range);
+    truth.add_instant(triangles, exact, pinhole, T, mapped_range());
   }
   const test::MapScore s = truth.score(*tree);
   report("whole pipeline", s);

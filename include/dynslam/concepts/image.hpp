@@ -26,10 +26,16 @@ concept DepthImage = ImageLike<I> && std::floating_point<typename I::Pixel>;
 template <class I>
 concept LabelImage = ImageLike<I> && std::integral<typename I::Pixel>;
 
-/// An image that gives its rows as contiguous pixels; pixel loops are faster with it, and never need it.
+/// A pointer to pixels of type P, and nothing that merely becomes one: pointers are deduced and counted up.
+template <class T, class P>
+concept PixelPointer =
+    std::same_as<std::remove_cvref_t<T>, P*> || std::same_as<std::remove_cvref_t<T>, const P*>;
+
+/// An image that gives its rows as pointers to contiguous pixels; pixel loops are faster with it, and never
+/// need it.
 template <class I>
 concept RowImage = ImageLike<I> && requires(const I& image, int v) {
-  { image.row(v) } -> std::convertible_to<const typename I::Pixel*>;
+  { image.row(v) } -> PixelPointer<typename I::Pixel>;
 };
 
 /// An image whose pixels can be assigned.

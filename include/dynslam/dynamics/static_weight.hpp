@@ -20,7 +20,10 @@ struct StaticWeightScales {
 /// E^T Sigma^-1 E of Eq (7); a missing error contributes nothing.
 template <Scalar S>
 [[nodiscard]] S squared_normalised(const KeypointResiduals<S>& e, const StaticWeightScales<S>& scales) {
-  const auto square = [](const S& value, const S& sigma) { return S(value * value / (sigma * sigma)); };
+  const auto square = [](const S& value, const S& sigma) {  // of the quotient: squares of either may vanish
+    const S ratio = value / sigma;
+    return S(ratio * ratio);
+  };
   S s = square(e.reprojection, scales.reprojection);
   if (e.photometric) s += square(*e.photometric, scales.photometric);
   if (e.depth) s += square(*e.depth, scales.depth);

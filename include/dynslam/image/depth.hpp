@@ -3,6 +3,7 @@
 
 #include "dynslam/push_macros.hpp"
 
+#include <cmath>
 #include <concepts>
 #include <limits>
 #include <type_traits>
@@ -72,6 +73,14 @@ struct DepthNoise {
   }
   [[nodiscard]] constexpr bool operator==(const DepthNoise&) const = default;
   [[nodiscard]] constexpr S sigma(S z) const { return base + linear * z + quad * z * z; }
+  /// Largest depth whose sigma is `sigma` at most [m]; 0 where even the nearest has more, infinite where all
+  /// have less.
+  [[nodiscard]] S range(S sigma) const {
+    const S above = sigma - base;
+    if (!(above > S(0))) return S(0);
+    const S slope = linear + std::sqrt(linear * linear + S(4) * quad * above);
+    return slope > S(0) ? S(2) * above / slope : std::numeric_limits<S>::infinity();
+  }
   /// Inverse variance [1/m^2].
   [[nodiscard]] constexpr S information(S z) const { return S(1) / (sigma(z) * sigma(z)); }
 };

@@ -54,6 +54,7 @@ class HalvingPyramid {
   /// @param pixel_size  of the image, where it is itself a level of another pyramid [px of that one's level
   /// 0]
   template <ImageLike I>
+    requires std::constructible_from<T, typename I::Pixel>
   void build(const I& image, int levels, const Eigen::Vector2d& pixel_size = Eigen::Vector2d::Ones()) {
     DYNSLAM_ASSERT(levels >= 1, "level 0 is the image");
     pixel_size_ = pixel_size;

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -108,8 +109,9 @@ class BasicSemanticOcTree : public octomap::OccupancyOcTreeBase<BasicSemanticOcT
     collapse(node);
     return true;
   }
-  /// As OctoMap's; a voxel that becomes free forgets its label.
+  /// As OctoMap's; a voxel that becomes free forgets its label, and NaN changes nothing.
   void updateNodeLogOdds(Node* node, const float& update) const override {
+    if (std::isnan(update)) return;
     node->value = std::clamp(node->value + update, clamping_thres_min, clamping_thres_max);
     if (node->value < occ_prob_thres_log) node->forget_labels();
   }

@@ -4,6 +4,7 @@
 #include "dynslam/push_macros.hpp"
 
 #include <Eigen/Core>
+#include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -111,9 +112,11 @@ class PointMaker {
     }
   }
 
-  /// What a feature shows, in the camera's frame; nullopt without a depth, or one too far to be of use.
+  /// What a feature shows, in the camera's frame; nullopt without a depth, or one too far to be of use, and
+  /// for a pixel that is none: a point's mean would keep NaN for good.
   [[nodiscard]] std::optional<Vector3> measured(const Feature& f) const {
     if (!(f.depth > 0 && static_cast<S>(f.depth) <= options_.max_depth)) return std::nullopt;
+    if (!std::isfinite(f.x) || !std::isfinite(f.y)) return std::nullopt;
     return camera_.unproject({static_cast<S>(f.x), static_cast<S>(f.y)}, static_cast<S>(f.depth));
   }
 

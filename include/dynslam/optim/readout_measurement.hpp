@@ -37,6 +37,7 @@ class ReadoutMeasurement {
     across_.setZero();
     own_ = force_ = S(0);
   }
+  /// An observation with NaN or infinity in it is left out: the sums of all images would never lose it.
   /// @param o       placed as if the readout took the time that was assumed
   /// @param weight  robust weight at the pose
   /// @param share   of the readout between the middle row and the observation's: -0.5 to 0.5
@@ -51,6 +52,7 @@ class ReadoutMeasurement {
       S shear = S(0);  // of the row by a second of readout
       for (int i = 0; i < 6; ++i) shear += J(row, i) * speed_(i);
       shear *= share;
+      if (!is_finite(information * (shear * shear + r(row) * r(row)))) continue;
       for (int i = 0; i < 6; ++i) {
         const S weighted = information * J(row, i);
         for (int j = 0; j <= i; ++j) H_(i, j) += weighted * J(row, j);
@@ -82,6 +84,11 @@ class ReadoutMeasurement {
   }
 
  private:
+  [[nodiscard]] static bool is_finite(const S& value) {
+    using std::isfinite;
+    return isfinite(value);
+  }
+
   SE3<S> T_c_w_;
   Vector6 speed_ = Vector6::Zero();
   Eigen::Matrix<S, 6, 6> H_ = Eigen::Matrix<S, 6, 6>::Zero();

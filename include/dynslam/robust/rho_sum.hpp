@@ -32,7 +32,12 @@ class RhoSum<S, TDistribution<S>> {
   explicit RhoSum(const TDistribution<S>& kernel)
       : numerator_(kernel.numerator), inverse_nu_(S(1) / kernel.nu) {}
   void add(S s) {
-    product_ *= S(1) + s * inverse_nu_;
+    const S factor = S(1) + s * inverse_nu_;
+    if (factor > kMost) {
+      logarithms_ += std::log(factor);
+      return;
+    }
+    product_ *= factor;
     if (product_ > kMost) {
       logarithms_ += std::log(product_);
       product_ = S(1);
@@ -41,7 +46,7 @@ class RhoSum<S, TDistribution<S>> {
   [[nodiscard]] S value() const { return numerator_ * (logarithms_ + std::log(product_)); }
 
  private:
-  static constexpr S kMost = S(1e18);  // far enough from the largest float for any next factor that is real
+  static constexpr S kMost = S(1e18);  // its square is far enough from the largest float
   S numerator_, inverse_nu_;
   S logarithms_ = S(0), product_ = S(1);
 };

@@ -3,11 +3,13 @@
 
 #include "dynslam/push_macros.hpp"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -67,8 +69,8 @@ struct ScaleOptions {
   S gross = S(6);         ///< residuals beyond so many robust standard deviations are left out; 0: none
   /// Smallest sigma, in the residuals' unit: what the measurement can tell apart (of synthetic or saturated
   /// data most residuals are exactly 0, and nothing can be weighed by a scale of 0). The default only keeps
-  /// sigma^2 a number; give a grey value, a fraction of a pixel, the sensor's depth step.
-  S floor = S(1e-6);
+  /// it above 0; give a grey value, a fraction of a pixel, the sensor's depth step.
+  S floor = std::numeric_limits<S>::min();
 };
 
 /// Memory of estimate_scale; keep it between calls to avoid allocation.
@@ -82,6 +84,7 @@ struct ScaleWorkspace {
 /// started from the median absolute deviation. The fixed point alone breaks down at a share of
 /// 1 / (nu + 1) outliers (17 % for nu = 5), and moving points may be more than that: residuals beyond
 /// `gross` times the robust start are therefore left out, which keeps it near the truth up to 40 %.
+/// Residuals times a power of two have a scale times that power, as far as numbers go in both directions.
 /// @param residuals  any order; non-finite ones are ignored
 /// @param excluded   empty, or one flag per residual: nonzero ones are left out (points on a mask)
 /// @return sigma in the residuals' unit, at least `floor`, which is also the answer where more than half of
@@ -99,9 +102,14 @@ template <std::floating_point S>
   if (r.size() < 3) return std::nullopt;
   const auto middle = r.begin() + static_cast<std::ptrdiff_t>(r.size() / 2);
   std::nth_element(r.begin(), middle, r.end());
+  if (!(*middle > S(0))) return options.floor;
+  // In units of about the median, so that squares neither vanish nor overflow; a power of two rounds nothing.
+  // A residual beyond kMost of them weighs nothing whatever its size.
+  const S unit = std::ldexp(S(1), std::ilogb(*middle));
+  constexpr S kMost = S(std::uint64_t(1) << 50U);
   constexpr S kNormalConsistency = S(1.4826);  // of the median absolute deviation
-  S sigma = kNormalConsistency * *middle;
-  if (!(sigma > S(0))) return options.floor;
+  S sigma = kNormalConsistency * (*middle / unit);
+  for (S& a : r) a = std::min(a / unit, kMost);
   if (options.gross > S(0)) {
     const S limit = options.gross * sigma;
     r.erase(std::remove_if(r.begin(), r.end(), [limit](S a) { return a > limit; }), r.end());
@@ -115,7 +123,7 @@ template <std::floating_point S>
     sigma = next;
     if (done || !(sigma > S(0))) break;
   }
-  return std::max(sigma, options.floor);
+  return std::max(sigma * unit, options.floor);
 }
 
 /// The same for all residuals, with the defaults and its own memory.
@@ -128,37 +136,47 @@ template <std::floating_point S>
 }
 
 /// Joint covariance of t-distributed D-vectors (zero mean) by the fixed point
-/// Sigma = 1/n sum (nu + D) / (nu + r^T Sigma^-1 r) r r^T, started from `initial`.
-/// @return nullopt with fewer than 2 D residuals or when Sigma becomes singular
+/// Sigma = 1/n sum (nu + D) / (nu + r^T Sigma^-1 r) r r^T.
+/// @param residuals  those with NaN or infinity in them are ignored
+/// @param initial    start, positive definite; its scale does not matter
+/// @param tolerance  change of an entry that ends the iteration, as a share of its components' deviations
+/// @return nullopt with fewer than 2 D usable residuals or when Sigma becomes singular
 template <std::floating_point S, int D>
 [[nodiscard]] std::optional<Eigen::Matrix<S, D, D>> estimate_covariance(
     std::span<const Eigen::Matrix<S, D, 1>> residuals, const Eigen::Matrix<S, D, D>& initial, S nu,
     int max_iterations = 50, S tolerance = S(1e-4)) {
   using Matrix = Eigen::Matrix<S, D, D>;
-  if (residuals.size() < 2 * static_cast<std::size_t>(D)) return std::nullopt;
-  Matrix sigma = initial;
+  using Vector = Eigen::Matrix<S, D, 1>;
+  // Cholesky factors have the residuals' unit: they are numbers where a determinant has vanished long since.
+  Eigen::LLT<Matrix> factor;
+  const auto factorise = [&factor](const Matrix& sigma) {
+    factor.compute(sigma);
+    return factor.info() == Eigen::Success && factor.matrixLLT().allFinite();
+  };
+  const auto whitened = [&factor](const Vector& r) -> Vector { return factor.matrixL().solve(r); };
+  if (!factorise(initial)) return std::nullopt;
+  std::size_t n = 0;
+  S largest = S(1);
+  for (const Vector& r : residuals) {
+    if (!r.allFinite()) continue;
+    ++n;
+    largest = std::max(largest, whitened(r).stableNorm());
+  }
+  if (n < 2 * static_cast<std::size_t>(D)) return std::nullopt;
+  // From above the first step lands near the solution; from far below each one gains a factor only.
+  Matrix sigma = initial * largest * largest;
   for (int i = 0; i < max_iterations; ++i) {
-    const S determinant = sigma.determinant();
-    if (!(determinant > S(0))) return std::nullopt;
-    const Matrix inverse = sigma.inverse();
-    Matrix sum = Matrix::Zero();
-    for (const auto& r : residuals) {
-      const Eigen::Matrix<S, D, 1> scaled = inverse * r;
-      const S weight = (nu + S(D)) / (nu + r.dot(scaled));
-      for (int k = 0; k < D; ++k) {
-        for (int j = 0; j < D; ++j) sum(j, k) += weight * r[j] * r[k];
-      }
+    if (!factorise(sigma)) return std::nullopt;
+    Matrix next = Matrix::Zero();
+    for (const Vector& r : residuals) {
+      if (!r.allFinite()) continue;
+      const S weight = (nu + S(D)) / (nu + whitened(r).squaredNorm()) / static_cast<S>(n);
+      next += (weight * r) * r.transpose();
     }
-    Matrix change;
-    for (int k = 0; k < D; ++k) {
-      for (int j = 0; j < D; ++j) {
-        const S next = sum(j, k) / static_cast<S>(residuals.size());
-        change(j, k) = next - sigma(j, k);
-        sum(j, k) = next;
-      }
-    }
-    const bool done = change.norm() <= tolerance * sigma.norm();
-    sigma = sum;
+    const Vector deviations = next.diagonal().cwiseSqrt();
+    const Matrix allowed = tolerance * deviations * deviations.transpose();
+    const bool done = ((next - sigma).array().abs() <= allowed.array()).all();
+    sigma = next;
     if (done) break;
   }
   return sigma;

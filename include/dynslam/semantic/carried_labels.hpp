@@ -8,6 +8,7 @@
 #include <cmath>
 #include <concepts>
 #include <type_traits>
+#include <utility>
 
 #include "dynslam/concepts/camera.hpp"
 #include "dynslam/concepts/image.hpp"
@@ -28,7 +29,7 @@ struct CarriedLabelsOptions {
 
 /// Labels that were found in an earlier image, for the surfaces that this one shows again: each pixel takes
 /// the label of the pixel that saw the same point, nearest to where it projects. What moved since, was hidden
-/// or out of sight gets 0.
+/// or out of sight gets 0, as does a label that the new image cannot hold.
 /// @param camera       that of both images
 /// @param then_depth   of the earlier image [m], NaN = invalid
 /// @param then_labels  of the earlier image, its size
@@ -63,7 +64,8 @@ void carry_labels(const Camera& camera, const ThenDepth& then_depth, const ThenL
       const S far = std::max(there, then.z());
       if (std::abs(there - then.z()) > options.sigmas * options.noise.sigma(far) + options.slack * far)
         continue;
-      to[u] = static_cast<Label>(then_labels(i, j));
+      const auto label = then_labels(i, j);
+      if (std::in_range<Label>(label)) to[u] = static_cast<Label>(label);
     }
   }
 }

@@ -62,22 +62,20 @@ class LabelHistogram {
   /// fits, and rounded up, so that no vote vanishes. The top label is that of the sums.
   template <std::signed_integral I>
   [[nodiscard]] static LabelHistogram from_sums(const std::array<I, N>& sums, I divisor = 1) {
-    const auto top = static_cast<std::size_t>(std::max_element(sums.begin(), sums.end()) - sums.begin());
+    const std::size_t top = first_of_most(sums);
     divisor = std::max(divisor, static_cast<I>((sums[top] + kMaxVotes - 1) / kMaxVotes));
     LabelHistogram out;
     for (std::size_t i = 0; i < N; ++i)
       out.votes_[i] = static_cast<std::uint8_t>((sums[i] + divisor - 1) / divisor);
-    // Rounding may have made a tie, which a smaller label would win.
-    for (std::size_t i = 0; i < top; ++i)
+    // Rounding may have made a tie, which another label would win.
+    for (std::size_t i = 1; i < (top == 0 ? N : top); ++i)
       if (out.votes_[i] == out.votes_[top] && out.votes_[i] > 0) --out.votes_[i];
     return out;
   }
   void clear() { votes_ = {}; }
 
-  /// Label with most votes, the smaller one in a tie; 0 when there are none.
-  [[nodiscard]] Label top() const {
-    return static_cast<Label>(std::max_element(votes_.begin(), votes_.end()) - votes_.begin());
-  }
+  /// Label with most votes; in a tie the smallest but 0, which stands for no label; 0 when there are none.
+  [[nodiscard]] Label top() const { return static_cast<Label>(first_of_most(votes_)); }
   /// Share of the votes that the top label has; 0 when there are none.
   [[nodiscard]] double confidence() const {
     const int n = total();
@@ -93,6 +91,12 @@ class LabelHistogram {
   bool operator==(const LabelHistogram&) const = default;
 
  private:
+  template <class T>
+  [[nodiscard]] static std::size_t first_of_most(const std::array<T, N>& votes) {
+    const auto most = N > 1 ? std::max_element(votes.begin() + 1, votes.end()) : votes.begin();
+    return *most > T(0) && *most >= votes[0] ? static_cast<std::size_t>(most - votes.begin()) : 0;
+  }
+
   std::array<std::uint8_t, N> votes_{};
 };
 

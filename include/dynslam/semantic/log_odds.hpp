@@ -42,9 +42,12 @@ struct LogOddsParams {
 template <std::floating_point S>
 class LogOddsCell {
  public:
-  /// Adds the log-odds of one measurement.
+  /// Adds the log-odds of one measurement. Infinite ones (a probability of 0 or 1) take the cell to its
+  /// bounds; NaN is no measurement and changes nothing.
   void update(S measurement, const LogOddsParams<S>& params) {
-    value_ = std::clamp(value_ + measurement, params.min, params.max);
+    const S sum = value_ + measurement;
+    if (std::isnan(sum)) return;
+    value_ = std::clamp(sum, params.min, params.max);
     observed_ = true;
   }
   [[nodiscard]] S log_odds() const { return value_; }

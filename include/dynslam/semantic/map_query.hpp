@@ -10,6 +10,7 @@
 #include <concepts>
 #include <cstdint>
 #include <limits>
+#include <optional>
 
 #include "dynslam/concepts/map.hpp"
 #include "dynslam/concepts/scalar.hpp"
@@ -21,6 +22,10 @@
 // Questions of a planner, for any VoxelMap. Points and lengths in metres, in the map's frame; points of float
 // or double, answers in double. `level` n, 0 to 15, asks about cells of 2^n voxels along each edge. An answer
 // from NaN, or from outside the grid, says so: it is never "free".
+//
+// Cells have their faces: what touches a box, or lies exactly at a radius or range, counts, as far as
+// rounding goes (kQueryRounding). Of the cells that share a face a point on it is in the upper one alone, and
+// a ray within it passes the upper one.
 
 namespace dynslam {
 
@@ -46,6 +51,27 @@ struct QueryVector : Eigen::Vector3d {
       : Eigen::Vector3d(p.template cast<double>()) {}
 };
 
+/// By how much more than asked for a query looks, as a share of the coordinates and lengths that it is asked
+/// with: 0.3 m is not 3 voxels of 0.1 m in binary numbers. It covers some thousand roundings of a double.
+inline constexpr double kQueryRounding = 1e-12;
+
+namespace detail {
+/// Outermost point of the grid along an axis that is safely inside, in voxels.
+inline constexpr double kGridReach = 32767.5;
+
+/// kQueryRounding in metres at a point. @param reach  how far from there is asked about
+[[nodiscard]] inline double query_rounding(const VoxelGrid& grid, const Eigen::Vector3d& p,
+                                           double reach = 0) {
+  return kQueryRounding * (p.cwiseAbs().maxCoeff() + reach + grid.resolution());
+}
+/// Key of a point that was moved into the grid, and there by `slack` along each axis.
+[[nodiscard]] inline std::optional<VoxelKey> key_within(const VoxelGrid& grid, const Eigen::Vector3d& p,
+                                                        double slack) {
+  const double limit = kGridReach * grid.resolution();
+  return grid.key((p.cwiseMax(-limit).cwiseMin(limit).array() + slack).matrix().eval());
+}
+}  // namespace detail
+
 /// State of the cell that holds a point; unknown outside the grid.
 template <VoxelMap M>
 [[nodiscard]] typename M::Voxel query_point(const M& map, const QueryVector& p, int level = 0) {
@@ -59,17 +85,19 @@ template <VoxelMap M>
   return ((p - centre).cwiseAbs().array() - edge / 2).cwiseMax(0.0).matrix().norm();
 }
 
-/// Calls f(cell) for each occupied cell that touches the box [low, high]; f takes a MapCellOf<M>.
+/// Calls f(cell) for each occupied cell that touches the box [low, high], be it with a face; f takes a
+/// MapCellOf<M>.
 /// @return false for a bound that is NaN, or a level that is none: f is not called then
 template <VoxelMap M, class F>
 bool query_box(const M& map, const QueryVector& low, const QueryVector& high, int level, F&& f) {
   const VoxelGrid& grid = map.grid();
-  const double limit = 32767.5 * grid.resolution();
-  const auto bound = [&](const Eigen::Vector3d& p) {
-    return grid.key(p.cwiseMax(-limit).cwiseMin(limit).eval());
-  };
   if (low.hasNaN() || high.hasNaN() || level < 0 || level >= kVoxelLevels) return false;
-  const auto a = bound(low), b = bound(high);
+  const double border = grid.edge(kVoxelLevels - 1);
+  if (low.maxCoeff() > border || high.minCoeff() < -border) return true;  // beside the grid
+  const auto slack = [&](const Eigen::Vector3d& p) {
+    return detail::query_rounding(grid, p.cwiseMax(-border).cwiseMin(border));
+  };
+  const auto a = detail::key_within(grid, low, -slack(low)), b = detail::key_within(grid, high, slack(high));
   if (!a || !b) return false;
   map.for_each_occupied(*a, *b, level, [&](const VoxelKey& key, const typename M::Voxel& voxel) {
     f(MapCellOf<M>{grid.centre(key, level), grid.edge(level), voxel, 0.0});
@@ -115,9 +143,6 @@ template <VoxelMap M>
 using RayResultOf = BasicRayResult<typename M::Voxel>;
 
 namespace detail {
-/// Outermost point of the grid along an axis that is safely inside, in voxels.
-inline constexpr double kGridReach = 32767.5;
-
 /// Key of a cell from that of the coarser grid with the same origin, in which it is a voxel.
 [[nodiscard]] inline VoxelKey fine_key(PackedKey coarse, int level) {
   VoxelKey key = unpack(coarse);
@@ -127,7 +152,8 @@ inline constexpr double kGridReach = 32767.5;
 }
 }  // namespace detail
 
-/// First occupied cell on the ray from `origin` along `direction` (any length but 0).
+/// First occupied cell on the ray from `origin` along `direction` (any length but 0), be it exactly at the
+/// end of the range.
 template <VoxelMap M>
 [[nodiscard]] RayResultOf<M> cast_ray(const M& map, const QueryVector& origin, const QueryVector& direction,
                                       const RayOptions& options) {
@@ -150,7 +176,8 @@ template <VoxelMap M>
     to_border = to_border || border < reach;
     reach = std::min(reach, border);
   }
-  const Eigen::Vector3d end = (origin + ray * reach).cwiseMax(-limit).cwiseMin(limit);
+  const double slack = detail::query_rounding(grid, origin, reach);
+  const Eigen::Vector3d end = (origin + ray * (reach + slack)).cwiseMax(-limit).cwiseMin(limit);
   const auto enter = [&](const Eigen::Vector3d& centre, double edge) {
     double t = 0;
     for (Eigen::Index i = 0; i < 3; ++i) {
@@ -170,7 +197,7 @@ template <VoxelMap M>
     result.status = unknown ? RayStatus::unknown : RayStatus::hit;
     result.cell = {grid.centre(key, level), grid.edge(level), voxel, 0.0};
     result.cell.distance = distance_to_cell(origin, result.cell.centre, result.cell.edge);
-    result.distance = enter(result.cell.centre, result.cell.edge);
+    result.distance = std::min(reach, enter(result.cell.centre, result.cell.edge));
     return false;
   };
   const VoxelGrid coarse(grid.edge(level));
@@ -220,10 +247,9 @@ class NearestSearch {
     const VoxelGrid& grid = map_.grid();
     int top = level_;
     while (top < kVoxelLevels && grid.edge(top) < 2 * bound_) ++top;
-    const double limit = kGridReach * grid.resolution();
-    const Eigen::Vector3d reach = Eigen::Vector3d::Constant(bound_);
-    const auto low = grid.key((p_ - reach).cwiseMax(-limit).cwiseMin(limit).eval()),
-               high = grid.key((p_ + reach).cwiseMax(-limit).cwiseMin(limit).eval());
+    const double reach = bound_ + slack();
+    const auto low = key_within(grid, (p_.array() - reach).matrix(), 0.0),
+               high = key_within(grid, (p_.array() + reach).matrix(), 0.0);
     if (!low || !high) return;
     const VoxelKey a = key_at_level(*low, top), b = key_at_level(*high, top);
     Candidates cells;
@@ -259,7 +285,8 @@ class NearestSearch {
     }
   };
   /// With room for rounding: a coarse cell's distance is that of its parts only nearly.
-  [[nodiscard]] bool too_far(double distance) const { return distance * (1 - 1e-12) > bound_; }
+  [[nodiscard]] bool too_far(double distance) const { return distance > bound_ + slack(); }
+  [[nodiscard]] double slack() const { return query_rounding(map_.grid(), p_, bound_); }
 
   void descend(const Candidates& cells, int level) {
     for (std::size_t i = 0; i < cells.count && !too_far(cells.cells[i].distance); ++i) {
@@ -279,7 +306,7 @@ class NearestSearch {
     }
   }
   void take(const typename Candidates::Cell& cell, const typename M::Voxel& voxel) {
-    if (cell.distance > bound_) return;
+    if (found_ ? cell.distance > bound_ : too_far(cell.distance)) return;
     if (found_ && cell.distance == bound_ &&
         !std::lexicographical_compare(cell.centre.begin(), cell.centre.end(), best_.centre.begin(),
                                       best_.centre.end()))
@@ -298,8 +325,9 @@ class NearestSearch {
 };
 }  // namespace detail
 
-/// Nearest occupied cell within `radius` of a point, by descent through coarse cells: some tens of them are
-/// asked for, near and far. Ties go to the lower key, so the answer is the same in every run.
+/// Nearest occupied cell within `radius` of a point, be it exactly so far away, by descent through coarse
+/// cells: some tens of them are asked for, near and far. Ties go to the lower key, so the answer is the same
+/// in every run.
 template <VoxelMap M>
 [[nodiscard]] NearestResultOf<M> nearest_obstacle(const M& map, const QueryVector& p, double radius,
                                                   int level = 0) {

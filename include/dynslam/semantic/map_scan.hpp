@@ -22,23 +22,35 @@
 #include "dynslam/geometry/ideal_pinhole.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/image/depth.hpp"
+#include "dynslam/semantic/depth_code.hpp"
 
 namespace dynslam {
 
 /// Which pixels of a keyframe become map, and how much they count.
 template <std::floating_point S = float>
 struct MapScanOptions {
-  int pixel_stride = 2;    ///< every so many pixels in both directions: voxels are coarser than pixels
-  double max_range = 4.0;  ///< metres along the optical axis; farther depth is too coarse to map
+  int pixel_stride = 2;  ///< every so many pixels in both directions: voxels are coarser than pixels
+  /// Depth up to which surfaces are mapped [m along the optical axis]; what is farther clears the way up to
+  /// there. 0: where the noise says, see range().
+  double max_range = 0;
+  /// Edges of a voxel that one standard deviation of depth may span. At 1 the mean with the neighbours is off
+  /// by less than half an edge more often than not.
+  double range_edges = 1;
   /// Between ray and surface normal [rad]; beyond, a pixel is grazing or at an edge.
   double max_incidence = 78 * std::numbers::pi / 180;
-  int edge_reach = 2;     ///< pixels to the neighbours that this is measured with
+  int edge_reach = 2;  ///< pixels to the neighbours that this is measured with, and the depth's mean taken of
   S edge_sigmas = S(3);   ///< standard deviations by which their depth may differ beside that
   S carve_sigmas = S(2);  ///< a ray stops so many standard deviations before the surface
   S full_weight_edge =
       S(4);             ///< standard deviations that a voxel's edge must span for a surface to count fully
   int mover_label = 1;  ///< is never surface (people); -1: none
   DepthNoise<S> noise;
+
+  /// Depth up to which surfaces are mapped [m]. @param edge  of the map's voxels [m]
+  [[nodiscard]] double range(double edge) const {
+    if (max_range > 0) return max_range;
+    return static_cast<double>(noise.range(static_cast<S>(range_edges * edge)));
+  }
 };
 
 /// Pixels with a colour, as (red, green, blue).
@@ -54,16 +66,15 @@ struct MapScan {
   using Code = std::conditional_t<(Labels <= 64), std::uint8_t, std::uint16_t>;
   static_assert(Labels > 0 && Labels <= 16384);
   static constexpr int kLabelBits = 8 * static_cast<int>(sizeof(Code)) - 2;
-  static constexpr float kUnitsPerMetre = 5000.0F;  ///< 0.2 mm, as the sensor's own files
 
   /// What a sampled pixel says.
   enum class Use : std::uint8_t {
     nothing,  ///< no depth, or depth that cannot be trusted: at an edge or grazing
-    free,     ///< the way to it is free, it is no surface of the map: on a mover, or out of range
+    free,     ///< the way to it is free, it is no surface of the map: on a mover, or beyond a given range
     surface
   };
 
-  std::vector<std::uint16_t> depth;  ///< of all sampled pixels [1 / kUnitsPerMetre]
+  std::vector<std::uint16_t> depth;  ///< DepthCode of all sampled pixels
   std::vector<Code> code;            ///< Use in the upper two bits, label in the others
   std::vector<std::uint8_t> rgb;     ///< of the surface pixels, in turn
 
@@ -132,9 +143,9 @@ class MapScanner {
       DYNSLAM_ASSERT(fits(depth) && fits(colours) && (empty(dynamic_mask) || fits(dynamic_mask)) &&
                          (empty(labels) || fits(labels)),
                      "all images have the size of the camera's");
-      constexpr S kMaxDepth = S(std::numeric_limits<std::uint16_t>::max());
-      constexpr S kUnits = S(Scan::kUnitsPerMetre);
-      const auto max_range = static_cast<S>(options_.max_range);
+      // Where the noise sets the range, that depends on the voxels: gather() knows it.
+      const S max_range =
+          options_.max_range > 0 ? static_cast<S>(options_.max_range) : std::numeric_limits<S>::infinity();
       const bool masked = !empty(dynamic_mask), labelled = !empty(labels);
       Scan scan;
       scan.depth.resize(pixels_.size());
@@ -142,12 +153,12 @@ class MapScanner {
       scan.rgb.reserve(3 * pixels_.size());
       for (std::size_t k = 0; k < pixels_.size(); ++k) {
         const int v = pixels_[k] / width_, u = pixels_[k] % width_;
-        const auto z = static_cast<S>(depth(u, v));
-        if (!is_valid_depth(z) || z * kUnits > kMaxDepth || !smooth(depth, u, v, z)) continue;
+        const std::optional<S> z = surface_depth(depth, u, v);
+        if (!z) continue;
         const int label = labelled ? static_cast<int>(labels(u, v)) : 0;
         const bool mover = (masked && dynamic_mask(u, v) != 0) || label == options_.mover_label;
-        const bool surface = !mover && z <= max_range;
-        scan.depth[k] = static_cast<std::uint16_t>(z * kUnits + S(0.5));
+        const bool surface = !mover && *z <= max_range;
+        scan.depth[k] = DepthCode::of(*z).bits;
         const int use = static_cast<int>(surface ? Scan::Use::surface : Scan::Use::free);
         scan.code[k] = static_cast<typename Scan::Code>(use << Scan::kLabelBits |
                                                         (label >= 0 && label < Labels ? label : 0));
@@ -160,7 +171,8 @@ class MapScanner {
     }
 
     /// The voxels that a scan hits and passes. Rays end some standard deviations before the surface, those
-    /// towards movers too; far surfaces count less. `out` is cleared and finished.
+    /// towards movers and beyond the range too; far surfaces count less. Rays out of the grid end at its
+    /// border. `out` is cleared and finished.
     /// @param out  ScanVoxels, or what offers the same to write
     template <int Labels, std::floating_point T, class Voxels>
     void gather(const MapScan<Labels>& scan, const SE3<T>& T_w_c, Voxels& out) const {
@@ -170,30 +182,38 @@ class MapScanner {
       const Eigen::Matrix<S, 3, 3> R = T_w_c.rotation_matrix().template cast<S>();
       const Vector3 t = T_w_c.translation().template cast<S>();
       const auto edge = static_cast<S>(out.grid().resolution());
-      const auto max_range = static_cast<S>(options_.max_range);
+      const auto range = static_cast<S>(options_.range(out.grid().resolution()));
+      const S border = S(32767.5) * edge;  // safely inside the grid
       std::size_t colour = 0;
       for (std::size_t k = 0; k < scan.depth.size(); ++k) {
         const auto use = scan.use(k);
         if (use == Scan::Use::nothing) continue;
-        const S z = static_cast<S>(scan.depth[k]) / S(Scan::kUnitsPerMetre);
+        const S z = static_cast<S>(DepthCode(scan.depth[k]).metres());
         const S sigma = options_.noise.sigma(z);
         const Vector3 ray = R * rays_[k];
+        const Vector3 p = t + ray * z;
+        const std::size_t rgb_at = colour;
+        if (use == Scan::Use::surface) colour += 3;
         S clear = z - options_.carve_sigmas * sigma;
-        if (use == Scan::Use::surface) {
-          const std::array<std::uint8_t, 3> rgb{scan.rgb[colour], scan.rgb[colour + 1], scan.rgb[colour + 2]};
-          colour += 3;
+        const bool surface =
+            use == Scan::Use::surface && z <= range && p.template lpNorm<Eigen::Infinity>() < border;
+        if (surface) {
+          const std::array<std::uint8_t, 3> rgb{scan.rgb[rgb_at], scan.rgb[rgb_at + 1], scan.rgb[rgb_at + 2]};
           // A surface that noise spreads over several voxels is seen in each of them less often.
           const S weight = std::min(S(1), edge / (options_.full_weight_edge * sigma));
-          const Vector3 p = t + ray * z;
           if (!out.add_end(p, static_cast<LabelOf<Labels>>(scan.label(k)), rgb, static_cast<float>(weight)))
             continue;  // one ray per voxel clears the way
         } else {
-          clear = std::min(clear - edge,
-                           max_range);  // a mover's outline is not exact: a voxel's distance from it
+          clear =
+              std::min(clear - edge, range);  // a mover's outline is not exact: a voxel's distance from it
         }
-        if (clear <= S(0)) continue;
+        for (Eigen::Index i = 0; i < 3; ++i) {
+          if (std::abs(t(i) + ray(i) * clear) > border)
+            clear = std::min(clear, (std::copysign(border, ray(i)) - t(i)) / ray(i));
+        }
+        if (!(clear > S(0))) continue;
         const Vector3 end = t + ray * clear;
-        if (use == Scan::Use::surface) {
+        if (surface) {
           out.carve(t, end);
         } else {
           out.carve_once(t, end);
@@ -215,17 +235,33 @@ class MapScanner {
       return image.width() == width_ && image.height() == height_;
     }
 
-    /// Whether the depth around a pixel is that of a surface which is seen well.
+    /// Depth of the surface around a pixel, from it and those of its neighbours that have an opposite one: a
+    /// plane's own, with less than half the noise of one pixel. nullopt where the surface is not seen well.
     template <DepthImage Depth>
-    [[nodiscard]] bool smooth(const Depth& depth, int u, int v, S z) const {
+    [[nodiscard]] std::optional<S> surface_depth(const Depth& depth, int u, int v) const {
+      const auto z = static_cast<S>(depth(u, v));
+      if (!is_valid_depth(z)) return std::nullopt;
       const int reach = options_.edge_reach;
       const S limit = static_cast<S>(reach) * max_slope_ * z + options_.edge_sigmas * options_.noise.sigma(z);
-      const auto near = [&](int x, int y) {
-        if (x < 0 || y < 0 || x >= width_ || y >= height_) return true;
-        const auto other = static_cast<S>(depth(x, y));
-        return !is_valid_depth(other) || std::abs(other - z) <= limit;
+      S sum = z;
+      int count = 1;
+      // Whether two opposite neighbours are as near in depth as the surface allows.
+      const auto near = [&](int du, int dv) {
+        const auto at = [&](int x, int y) {
+          const bool inside = x >= 0 && y >= 0 && x < width_ && y < height_;
+          return inside ? static_cast<S>(depth(x, y)) : S(0);
+        };
+        const S a = at(u - du, v - dv), b = at(u + du, v + dv);
+        const bool has_a = is_valid_depth(a), has_b = is_valid_depth(b);
+        if ((has_a && std::abs(a - z) > limit) || (has_b && std::abs(b - z) > limit)) return false;
+        if (has_a && has_b) {
+          sum += a + b;
+          count += 2;
+        }
+        return true;
       };
-      return near(u - reach, v) && near(u + reach, v) && near(u, v - reach) && near(u, v + reach);
+      if (!near(reach, 0) || !near(0, reach)) return std::nullopt;
+      return sum / static_cast<S>(count);
     }
 
     MapScanOptions<S> options_;

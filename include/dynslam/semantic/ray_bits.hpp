@@ -88,8 +88,9 @@ class RayBits {
     Double2 tx, ty, tz, reach;
     Long2 at, dx, dy, dz, sx, sy, sz;
     std::int64_t target[2];
-    std::int64_t sure[2];  // steps before the last four, of which none can be the last
+    std::int64_t sure[2];  // steps before the last kUnsure, of which none can be the last
   };
+  static constexpr int kUnsure = 4;
   static Mask less(const Double2& a, const Double2& b) { return std::bit_cast<Mask>(a < b); }
 
   /// As a whole: a vector that is read after one of its halves was written has to wait for the memory.
@@ -126,7 +127,7 @@ class RayBits {
             std::span<const Eigen::Matrix<S, 3, 1>> ends) {
     detail::RayFaces faces;
     lanes.target[k] = -1;
-    lanes.sure[k] = std::numeric_limits<std::int64_t>::max();
+    lanes.sure[k] = std::numeric_limits<std::int64_t>::max() / 2;  // room to add
     bool found = false;
     for (; next_ < ends.size() && !found; ++next_) {
       const VoxelKey& key = keys_[next_];
@@ -135,8 +136,7 @@ class RayBits {
       lanes.target[k] = place(key);
       // Rounding may leave out the last face along each axis: where that is one of a ray's last three steps,
       // it has passed the end before it was there.
-      lanes.sure[k] = -4;
-      for (std::size_t i = 0; i < 3; ++i) lanes.sure[k] += std::abs(int(key[i]) - int(first[i]));
+      lanes.sure[k] = detail::face_count(first, key) - kUnsure;
       found = true;
     }
     const std::int64_t row = size_[0], plane = row * size_[1];
@@ -189,7 +189,11 @@ class RayBits {
       ++steps;
       const Mask past = less(reach, tx) & less(reach, ty) & less(reach, tz);
       const auto now = std::bit_cast<Long2>(std::bit_cast<Mask>(at) | past);
-      const std::int64_t a = now[0], b = now[1];
+      // A ray that has taken all the steps there are has ended, too.
+      const auto end_of = [&](std::size_t k) {
+        return steps >= l.sure[k] + kUnsure + detail::kExtraSteps ? -1 : now[k];
+      };
+      const std::int64_t a = end_of(0), b = end_of(1);
       if (a == target_a || b == target_b || (a | b) < 0) {
         l.tx = tx;
         l.ty = ty;

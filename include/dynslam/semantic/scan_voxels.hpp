@@ -17,12 +17,10 @@
 #include "dynslam/semantic/label_histogram.hpp"
 #include "dynslam/semantic/ray_bits.hpp"
 #include "dynslam/semantic/ray_traversal.hpp"
+#include "dynslam/semantic/voxel_end.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
 
 namespace dynslam {
-
-/// Votes that one scan casts for the label of one voxel.
-inline constexpr int kVotesPerScan = 8;
 
 /// A surface sample of a scan, in the world [m].
 struct ScanPoint {
@@ -30,32 +28,6 @@ struct ScanPoint {
   std::uint8_t label = 0;
   std::array<std::uint8_t, 3> rgb{};
 };
-
-/// What one scan measured on the surface in one voxel. @tparam N  number of labels
-template <std::size_t N>
-struct BasicVoxelEnd {
-  std::array<std::uint32_t, N> label_samples{};
-  std::array<std::uint32_t, 3> colour_sum{};  ///< R, G, B
-  std::uint32_t samples = 0;
-  float weight = 0;  ///< of the best sample; scales the log-odds of the hit
-
-  /// Adds this scan's votes to a voxel's labels, shared by the labels' samples.
-  void vote(LabelHistogram<N>& labels) const {
-    for (std::size_t i = 0; i < N; ++i) {
-      if (label_samples[i] == 0) continue;
-      const auto share = (label_samples[i] * std::uint64_t(kVotesPerScan) + samples / 2) / samples;
-      if (share > 0) labels.add(static_cast<std::uint8_t>(i), static_cast<int>(share));
-    }
-  }
-  [[nodiscard]] std::array<std::uint8_t, 3> colour() const {
-    std::array<std::uint8_t, 3> mean{};
-    for (std::size_t c = 0; c < 3; ++c)
-      mean[c] = static_cast<std::uint8_t>((colour_sum[c] + samples / 2) / samples);
-    return mean;
-  }
-};
-/// An end of this library's own maps.
-using VoxelEnd = BasicVoxelEnd<kMapLabels>;
 
 /// 8 x 8 x 8 voxels of a scan; bits are in Morton order, so word o is the octant o, byte b of it the octant b
 /// of that one, and so on: the three lowest levels of an octree.
@@ -98,12 +70,12 @@ class BasicScanVoxels {
   /// Notes a surface sample. @param weight  0 to 1
   /// @return true when it is the voxel's first one in this scan; false, too, for a point outside the grid
   template <FixedMatrix<3> D>
-  bool add_end(const Eigen::MatrixBase<D>& p, std::uint8_t label, const std::array<std::uint8_t, 3>& rgb,
+  bool add_end(const Eigen::MatrixBase<D>& p, std::uint16_t label, const std::array<std::uint8_t, 3>& rgb,
                float weight = 1.0F) {
     const auto key = grid_.key(p);
     return key && add_end(*key, label, rgb, weight);
   }
-  bool add_end(const VoxelKey& key, std::uint8_t label, const std::array<std::uint8_t, 3>& rgb,
+  bool add_end(const VoxelKey& key, std::uint16_t label, const std::array<std::uint8_t, 3>& rgb,
                float weight = 1.0F) {
     const PackedKey packed = pack(key);
     bool first = false;
@@ -265,7 +237,8 @@ class BasicScanVoxels {
     std::uint32_t block;
     bool operator<(const Code& other) const { return code < other.code; }
   };
-  static void add_sample(End& end, std::uint8_t label, const std::array<std::uint8_t, 3>& rgb, float weight) {
+  static void add_sample(End& end, std::uint16_t label, const std::array<std::uint8_t, 3>& rgb,
+                         float weight) {
     if (label < N) ++end.label_samples[label];
     for (std::size_t c = 0; c < 3; ++c) end.colour_sum[c] += rgb[c];
     ++end.samples;

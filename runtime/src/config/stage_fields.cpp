@@ -96,7 +96,10 @@ void list(FieldList& f, LogOddsParams<float>& o) {
 
 void list(FieldList& f, MapScanOptions& o) {
   f("pixel_stride", o.pixel_stride, "px", "one pixel of so many in both directions is used", between(1, 100));
-  f("max_range", o.max_range, "m", "depth up to which surfaces are mapped", between(0.1, 100));
+  f("max_range", o.max_range, "m", "depth up to which surfaces are mapped; 0: by its noise, see range_edges",
+    between(0, 100));
+  f("range_edges", o.range_edges, "",
+    "edges of a voxel that the standard deviation of depth may span at that range", kPositive);
   f("max_incidence", o.max_incidence, "rad",
     "angle between ray and surface normal beyond which a pixel is left out", between(0.01, 1.57));
   f("edge_reach", o.edge_reach, "px", "distance to the neighbours that this is measured with",

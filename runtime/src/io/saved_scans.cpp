@@ -2,6 +2,7 @@
 // The file of a map's scans, scans.bin: from them the octree is made again when poses are corrected.
 #include <algorithm>
 #include <cstdint>
+#include <optional>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -13,8 +14,9 @@ namespace dynslam::runtime {
 namespace {
 
 constexpr std::string_view kScansMagic = "dynslam scans";
-constexpr std::uint32_t kScansVersion = 2;  // 1 did not name the keyframes that the scans belong to
-constexpr std::uint32_t kUnnamed = 1;
+constexpr std::uint32_t kScansVersion = 3;
+constexpr std::uint32_t kUnnamed = 1;  // did not name the keyframes that the scans belong to
+constexpr std::uint32_t kCounted = 2;  // the last one with depth in fifths of a millimetre
 constexpr std::int32_t kMostSessions = 1 << 30;
 constexpr int kVisits = 2;  // later sessions that make up for a scan
 
@@ -35,14 +37,18 @@ void write_scan(BinaryWriter& out, const MapScan& scan) {
   out.put(scan.rgb);
 }
 
-/// @param samples  pixels that the camera's scans have
-MapScan read_scan(BinaryReader& in, std::size_t samples) {
+/// @param samples  pixels that the camera's scans have; none: any number
+MapScan read_scan(BinaryReader& in, std::optional<std::size_t> samples) {
   MapScan scan;
   in.get(scan.depth);
   in.get(scan.code);
   in.get(scan.rgb);
-  in.require(scan.depth.size() == samples && scan.code.size() == samples, "holds scans of another camera");
+  in.require(!samples || (scan.depth.size() == *samples && scan.code.size() == *samples),
+             "holds scans of another camera");
   in.require(scan.consistent(), "holds a scan that cannot be");
+  if (in.version() <= kCounted) {
+    for (std::uint16_t& z : scan.depth) z = DepthCode::of(static_cast<float>(z) / 5000.0F).bits;
+  }
   return scan;
 }
 
@@ -78,7 +84,17 @@ void copy_scans(const std::filesystem::path& from, std::uint64_t from_id, const 
   BinaryWriter out;
   out.put(to_id);
   out.put(sessions);
-  out.put_bytes(in.rest());
+  if (in.version() == kScansVersion) {
+    out.put_bytes(in.rest());
+  } else {
+    const std::size_t n = in.count(16);
+    out.put(static_cast<std::uint64_t>(n));
+    for (std::size_t k = 0; k < n; ++k) {
+      out.put(in.get<std::int32_t>());
+      out.put(in.get<SE3<double>>());
+      write_scan(out, read_scan(in, std::nullopt));
+    }
+  }
   write_binary(to, kScansMagic, kScansVersion, out);
 }
 
