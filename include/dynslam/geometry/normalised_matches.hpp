@@ -30,15 +30,16 @@ inline constexpr std::size_t kMatchBlock = 64;  ///< rows of floats are filled u
   return *middle;
 }
 
-/// Sum of value(i) over n matches, each at most 1; in float, block by block. Numbers up to padded(n) are
-/// asked for.
+/// Sum over n matches, each worth 1 at most; in float, block by block. Numbers up to padded(n) are asked for.
+/// @param block  block(begin) gives a function of k, what the match begin + k is worth
 /// @return less than 0 as soon as more than `beaten` cannot be reached
-template <class Value>
-[[nodiscard]] float sum_of_worths(std::size_t n, float beaten, const Value& value) {
+template <class Block>
+[[nodiscard]] float sum_of_worths(std::size_t n, float beaten, const Block& block) {
   float total = 0;
   for (std::size_t begin = 0; begin < n; begin += kMatchBlock) {
+    const auto value = block(begin);
     std::array<float, kMatchBlock> values;
-    for (std::size_t i = 0; i < kMatchBlock; ++i) values[i] = value(begin + i);
+    for (std::size_t i = 0; i < kMatchBlock; ++i) values[i] = value(i);
     const std::size_t size = std::min(kMatchBlock, n - begin);
     for (std::size_t i = size; i < kMatchBlock; ++i) values[i] = 0;
     std::array<float, 8> lanes{};  // the same sum whatever a vector holds
@@ -182,8 +183,11 @@ class NormalisedMatches {
   /// Sum of value(x, y, x_m, y_m) over the matches: sum_of_worths().
   template <class Value>
   [[nodiscard]] float sum(float beaten, const Value& value) const {
-    const float *x = coarse(0), *y = coarse(1), *x_m = coarse(2), *y_m = coarse(3);
-    return sum_of_worths(n_, beaten, [=](std::size_t i) { return value(x[i], y[i], x_m[i], y_m[i]); });
+    return sum_of_worths(n_, beaten, [&](std::size_t begin) {
+      const float *x = coarse(0) + begin, *y = coarse(1) + begin, *x_m = coarse(2) + begin,
+                  *y_m = coarse(3) + begin;
+      return [x, y, x_m, y_m, &value](std::size_t i) { return value(x[i], y[i], x_m[i], y_m[i]); };
+    });
   }
 
  private:

@@ -28,11 +28,10 @@ class RayMatches {
   void set(std::span<const PixelRay<double>> x, std::span<const PixelRay<double>> x_m,
            RansacWorkspace& memory) {
     n_ = std::min(x.size(), x_m.size());
-    padded_ = padded(n_);
     T_ = stretch(x.first(n_), memory.sorted);
     T_m_ = stretch(x_m.first(n_), memory.sorted);
     const Eigen::Matrix3d T_m_inverse = T_m_.inverse(), T_m_inverse_T = T_m_inverse.transpose();
-    memory.coarse.assign(kCoarse * padded_, 0.0F);
+    memory.coarse.assign(kCoarse * padded(n_), 0.0F);
     memory.fine.resize(kFine * n_);
     coarse_ = memory.coarse.data();
     fine_ = memory.fine.data();
@@ -40,8 +39,11 @@ class RayMatches {
       const PixelRay<double>&a = x[i], &b = x_m[i];
       const Eigen::Vector3d p = product<double>(T_, a.ray), q = product<double>(T_m_, b.ray),
                             normal = product<double>(T_m_inverse_T, b.ray);
-      std::size_t row = 0;
-      const auto put = [&](double value) { memory.coarse[padded_ * row++ + i] = static_cast<float>(value); };
+      float* rows = memory.coarse.data() + at(i);
+      const auto put = [&](double value) {
+        *rows = static_cast<float>(value);
+        rows += kMatchBlock;
+      };
       for (int k = 0; k < 3; ++k) put(p[k]);
       for (int k = 0; k < 3; ++k) put(q[k]);
       for (const auto& [T, ray] : {std::pair{&T_, &a}, std::pair{&T_m_, &b}}) {
@@ -82,15 +84,23 @@ class RayMatches {
 
   /// Rows in double: 0 to 2 of p, 3 to 5 of q.
   [[nodiscard]] const double* fine(std::size_t r) const { return fine_ + r * n_; }
-  // Rows in float, filled up with zeros: three for each vector.
-  [[nodiscard]] const float* p() const { return coarse_; }
-  [[nodiscard]] const float* q() const { return coarse_ + 3 * padded_; }
-  /// Changes of p, then of q, with a pixel to the right and with one down: 4 vectors [1/px].
-  [[nodiscard]] const float* per_pixel() const { return coarse_ + 6 * padded_; }
-  /// Derivatives of the second image's u and v by q [px], and the vector whose product with q is 1.
-  [[nodiscard]] const float* derivative() const { return coarse_ + 18 * padded_; }
-  /// From a row to the next.
-  [[nodiscard]] std::size_t stride() const { return padded_; }
+  // In float, blocks of kMatchBlock matches lie together, filled up with zeros, and in each a row of so many
+  // numbers for every component: rows of all matches would lie a power of two apart, which caches dislike.
+  static constexpr std::size_t kVector = 3 * kMatchBlock;
+  /// Offset in a block of p, of q, of the changes of p, then of q, with a pixel to the right and one down
+  /// [1/px], of the derivatives of the second image's u and v by q [px], and of what makes 1 with q.
+  static constexpr std::size_t kP = 0, kQ = kVector, kPerPixel = 2 * kVector, kDerivative = 6 * kVector,
+                               kNormal = 8 * kVector;
+  /// The first components of a match.
+  [[nodiscard]] const float* coarse(std::size_t i) const { return coarse_ + at(i); }
+
+  /// Sum of value(match) over the matches, `match` being as of coarse(): sum_of_worths().
+  template <class Value>
+  [[nodiscard]] float sum(float beaten, const Value& value) const {
+    return sum_of_worths(n_, beaten, [&](std::size_t begin) {
+      return [match = coarse(begin), &value](std::size_t k) { return value(match + k); };
+    });
+  }
 
   /// Sum of weight_i p_i p_i^T.
   [[nodiscard]] Eigen::Matrix3d moments(const double* weight) const {
@@ -104,6 +114,9 @@ class RayMatches {
 
  private:
   static constexpr std::size_t kCoarse = 27, kFine = 12;
+  [[nodiscard]] static std::size_t at(std::size_t i) {
+    return i / kMatchBlock * (kCoarse * kMatchBlock) + i % kMatchBlock;
+  }
 
   /// The transform of an image's rays; medians, so that a few wrong ones change nothing.
   [[nodiscard]] static Eigen::Matrix3d stretch(std::span<const PixelRay<double>> rays,
@@ -135,16 +148,15 @@ class RayMatches {
     return R;
   }
 
-  std::size_t n_ = 0, padded_ = 0;
+  std::size_t n_ = 0;
   Eigen::Matrix3d T_ = Eigen::Matrix3d::Identity(), T_m_ = Eigen::Matrix3d::Identity();
   const float* coarse_ = nullptr;
   const double* fine_ = nullptr;
 };
 
-/// a . b of vectors that are rows of floats.
-[[nodiscard]] inline float dot_at(const float* rows, std::size_t stride, std::size_t i, float x, float y,
-                                  float z) {
-  return rows[i] * x + rows[i + stride] * y + rows[i + 2 * stride] * z;
+/// a . b, `a` being a vector of RayMatches.
+[[nodiscard]] inline float dot_at(const float* a, float x, float y, float z) {
+  return a[0] * x + a[kMatchBlock] * y + a[2 * kMatchBlock] * z;
 }
 
 /// FundamentalSearch for rays: Sampson's distance in recorded pixels.
@@ -157,17 +169,19 @@ class RayFundamentalSearch {
     const Eigen::Matrix<float, 3, 3> f = F.template cast<float>();
     const float f00 = f(0, 0), f01 = f(0, 1), f02 = f(0, 2), f10 = f(1, 0), f11 = f(1, 1), f12 = f(1, 2),
                 f20 = f(2, 0), f21 = f(2, 1), f22 = f(2, 2);
-    const std::size_t n = matches_.stride();
-    const float *p = matches_.p(), *q = matches_.q(), *slopes = matches_.per_pixel();
-    return [=](std::size_t i) {
-      const float x = p[i], y = p[i + n], z = p[i + 2 * n];
+    return [=](const float* match) {
+      using M = RayMatches;
+      constexpr std::size_t n = kMatchBlock;
+      const float *p = match + M::kP, *q = match + M::kQ, *slopes = match + M::kPerPixel;
+      const float x = p[0], y = p[n], z = p[2 * n];
       const float a = f00 * x + f01 * y + f02 * z, b = f10 * x + f11 * y + f12 * z,
                   c = f20 * x + f21 * y + f22 * z;
-      const float x_m = q[i], y_m = q[i + n], z_m = q[i + 2 * n];
+      const float x_m = q[0], y_m = q[n], z_m = q[2 * n];
       const float a_m = f00 * x_m + f10 * y_m + f20 * z_m, b_m = f01 * x_m + f11 * y_m + f21 * z_m,
                   c_m = f02 * x_m + f12 * y_m + f22 * z_m;
-      const float u = dot_at(slopes, n, i, a_m, b_m, c_m), v = dot_at(slopes + 3 * n, n, i, a_m, b_m, c_m),
-                  u_m = dot_at(slopes + 6 * n, n, i, a, b, c), v_m = dot_at(slopes + 9 * n, n, i, a, b, c);
+      const float u = dot_at(slopes, a_m, b_m, c_m), v = dot_at(slopes + M::kVector, a_m, b_m, c_m),
+                  u_m = dot_at(slopes + 2 * M::kVector, a, b, c),
+                  v_m = dot_at(slopes + 3 * M::kVector, a, b, c);
       const float e = a * x_m + b * y_m + c * z_m;
       return Parts{e * e, u * u + v * v + u_m * u_m + v_m * v_m};
     };
@@ -180,21 +194,21 @@ class RayFundamentalSearch {
   [[nodiscard]] float score(const Eigen::Matrix<W, 3, 3>& F, float beaten) const {
     const auto distance = sampson(F);
     const float inverse = static_cast<float>(1 / limit_);
-    return sum_of_worths(matches_.size(), beaten, [=](std::size_t i) {
-      const auto [e2, g] = distance(i);
+    return matches_.sum(beaten, [=](const float* match) {
+      const auto [e2, g] = distance(match);
       return inlier_worth(e2 * inverse / (g + 1e-30F));
     });
   }
   [[nodiscard]] int inliers(const Eigen::Matrix<W, 3, 3>& F) const {
     const auto distance = sampson(F);
     const float limit = static_cast<float>(limit_);
-    return static_cast<int>(sum_of_worths(matches_.size(), -1.0F, [=](std::size_t i) {
-      const auto [e2, g] = distance(i);
+    return static_cast<int>(matches_.sum(-1.0F, [=](const float* match) {
+      const auto [e2, g] = distance(match);
       return e2 <= limit * g ? 1.0F : 0.0F;
     }));
   }
   [[nodiscard]] bool near(const Eigen::Matrix<W, 3, 3>& F, std::size_t i) const {
-    const auto [e2, g] = sampson(F)(i);
+    const auto [e2, g] = sampson(F)(matches_.coarse(i));
     return static_cast<double>(e2) <= limit_ * static_cast<double>(g);
   }
 
@@ -207,7 +221,7 @@ class RayFundamentalSearch {
     weights_.resize(2 * n);
     double *w = weights_.data(), *product_row = w + n;
     for (std::size_t i = 0; i < n; ++i) {
-      const auto [e2, g] = distance(i);
+      const auto [e2, g] = distance(matches_.coarse(i));
       w[i] = e2 <= far * g && g > 0.0F ? 1 / static_cast<double>(g) : 0.0;
     }
     Eigen::Matrix<W, 9, 9> A;
@@ -241,14 +255,14 @@ class RayHomographySearch {
     const Eigen::Matrix<float, 3, 3> h = H.template cast<float>();
     const float h00 = h(0, 0), h01 = h(0, 1), h02 = h(0, 2), h10 = h(1, 0), h11 = h(1, 1), h12 = h(1, 2),
                 h20 = h(2, 0), h21 = h(2, 1), h22 = h(2, 2);
-    const std::size_t n = matches_.stride();
-    const float *p = matches_.p(), *rows = matches_.derivative();
-    return [=](std::size_t i) {
-      const float x = p[i], y = p[i + n], z = p[i + 2 * n];
+    return [=](const float* match) {
+      using M = RayMatches;
+      const float *p = match + M::kP, *derivative = match + M::kDerivative;
+      const float x = p[0], y = p[kMatchBlock], z = p[2 * kMatchBlock];
       const float a = h00 * x + h01 * y + h02 * z, b = h10 * x + h11 * y + h12 * z,
                   c = h20 * x + h21 * y + h22 * z;
-      const float du = dot_at(rows, n, i, a, b, c), dv = dot_at(rows + 3 * n, n, i, a, b, c);
-      return Parts{du * du + dv * dv, dot_at(rows + 6 * n, n, i, a, b, c)};
+      const float du = dot_at(derivative, a, b, c), dv = dot_at(derivative + M::kVector, a, b, c);
+      return Parts{du * du + dv * dv, dot_at(match + M::kNormal, a, b, c)};
     };
   }
 
@@ -259,44 +273,47 @@ class RayHomographySearch {
   [[nodiscard]] float score(const Eigen::Matrix<W, 3, 3>& H, float beaten) const {
     const auto distance = transfer_error(H);
     const float inverse = static_cast<float>(1 / limit_);
-    return sum_of_worths(matches_.size(), beaten, [=](std::size_t i) {
-      const auto [d2, along] = distance(i);
-      const float in_front = along > 0.0F ? along : 0.0F;
+    return matches_.sum(beaten, [=](const float* match) {
+      const auto [d2, along] = distance(match);
+      // Nothing behind. Of a choice, g++ makes branches here and no vectors.
+      const float in_front = 0.5F * (along + std::abs(along));
       return inlier_worth(d2 * inverse / (in_front * in_front + 1e-30F));
     });
   }
   [[nodiscard]] int inliers(const Eigen::Matrix<W, 3, 3>& H) const {
     const auto distance = transfer_error(H);
     const float limit = static_cast<float>(limit_);
-    return static_cast<int>(sum_of_worths(matches_.size(), -1.0F, [=](std::size_t i) {
-      const auto [d2, along] = distance(i);
+    return static_cast<int>(matches_.sum(-1.0F, [=](const float* match) {
+      const auto [d2, along] = distance(match);
       return d2 <= limit * along * along && along > 0.0F ? 1.0F : 0.0F;
     }));
   }
   [[nodiscard]] bool near(const Eigen::Matrix<W, 3, 3>& H, std::size_t i) const {
-    const auto [d2, along] = transfer_error(H)(i);
+    const auto [d2, along] = transfer_error(H)(matches_.coarse(i));
     return along > 0.0F && static_cast<double>(d2) <= limit_ * static_cast<double>(along * along);
   }
 
   /// Least squares of the inliers' transfer errors, each divided by what H p has along the match.
   [[nodiscard]] std::optional<Eigen::Matrix<W, 3, 3>> refit(const Eigen::Matrix<W, 3, 3>& H, double wide) {
-    const std::size_t n = matches_.size(), stride = matches_.stride();
+    const std::size_t n = matches_.size();
     const auto distance = transfer_error(H);
-    const float far = static_cast<float>(wide * limit_), *rows = matches_.derivative();
+    const float far = static_cast<float>(wide * limit_);
     weights_.resize(2 * n);
     double *w = weights_.data(), *product_row = w + n;
     for (std::size_t i = 0; i < n; ++i) {
-      const auto [d2, along] = distance(i);
+      const auto [d2, along] = distance(matches_.coarse(i));
       w[i] = d2 <= far * along * along && along > 0.0F ? 1 / static_cast<double>(along * along) : 0.0;
     }
     Eigen::Matrix<W, 9, 9> A;
     for (std::size_t r = 0; r < 3; ++r) {
       for (std::size_t c = r; c < 3; ++c) {
-        const float *u_r = rows + r * stride, *u_c = rows + c * stride;
-        const std::size_t v = 3 * stride;
-        for (std::size_t i = 0; i < n; ++i)
-          product_row[i] = w[i] * (static_cast<double>(u_r[i]) * static_cast<double>(u_c[i]) +
-                                   static_cast<double>(u_r[v + i]) * static_cast<double>(u_c[v + i]));
+        for (std::size_t i = 0; i < n; ++i) {
+          const float *u = matches_.coarse(i) + RayMatches::kDerivative, *v = u + RayMatches::kVector;
+          const auto of = [](const float* row, std::size_t k) {
+            return static_cast<double>(row[k * kMatchBlock]);
+          };
+          product_row[i] = w[i] * (of(u, r) * of(u, c) + of(v, r) * of(v, c));
+        }
         const Eigen::Matrix<W, 3, 3> m = matches_.moments(product_row);
         put_block(A, static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c), m);
         put_block(A, static_cast<Eigen::Index>(c), static_cast<Eigen::Index>(r), m);
