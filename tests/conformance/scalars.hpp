@@ -17,11 +17,13 @@
 #include "dynslam/dynamics/static_weight.hpp"
 #include "dynslam/geometry/brown_conrady.hpp"
 #include "dynslam/geometry/epipolar.hpp"
+#include "dynslam/geometry/epipolar_distance.hpp"
 #include "dynslam/geometry/first_root.hpp"
 #include "dynslam/geometry/homography.hpp"
 #include "dynslam/geometry/ideal_pinhole.hpp"
 #include "dynslam/geometry/kannala_brandt.hpp"
 #include "dynslam/geometry/pinhole.hpp"
+#include "dynslam/geometry/pixel_ray.hpp"
 #include "dynslam/geometry/pose_curve.hpp"
 #include "dynslam/geometry/rolling_camera.hpp"
 #include "dynslam/geometry/rolling_shutter.hpp"
@@ -201,6 +203,27 @@ void errors_and_weights(const SE3<S>& T, Record<S>& out) {
   kernel("t.dimension", TDistribution<S>::with_dimension(S(5), 3));
 }
 
+/// Of a point and a match that is 2 px from it.
+template <class Camera>
+void ray_distances(const Camera& camera, const SE3<typename Camera::ScalarType>& T,
+                   Record<typename Camera::ScalarType>& out) {
+  using S = typename Camera::ScalarType;
+  using Matrix3 = Eigen::Matrix<S, 3, 3>;
+  const std::string name = ConformanceCamera<Camera>::name;
+  const Eigen::Matrix<S, 3, 1> p(S(0.3), S(-0.2), S(2.5));
+  const auto x_m = camera.project(T * p);
+  REQUIRE(x_m.has_value());
+  const auto a = pixel_ray(camera, p);
+  const auto b = pixel_ray_at(camera, Eigen::Matrix<S, 2, 1>((*x_m)[0] + S(1.2), (*x_m)[1] - S(1.6)));
+  REQUIRE((a.has_value() && b.has_value()));
+  out.put(name + ".pixel_ray", a->ray);
+  out.put(name + ".pixel_ray.derivative", a->J);
+  const Matrix3 R = T.rotation_matrix(), E = detail::product<S>(SO3<S>::hat(T.translation()), R);
+  out.put(name + ".epipolar_distance", epipolar_distance(E, *a, *b));
+  out.put(name + ".sampson_of_rays", sampson_distance_squared(E, *a, *b));
+  out.put(name + ".transfer_of_rays", transfer_distance_squared(R, *a, *b));
+}
+
 template <Scalar S>
 void two_views(const SE3<S>& T, Record<S>& out) {
   using Vector2 = Eigen::Matrix<S, 2, 1>;
@@ -234,10 +257,15 @@ struct CameraFunctions {
     Record<S> out;
     const SE3<S> T = SE3<S>::exp(delta) * conformance::reference_pose<S>();
     conformance::projections(conformance_camera<Pinhole<S>>(), T, out);
+    conformance::ray_distances(conformance_camera<Pinhole<S>>(), T, out);
     conformance::projections(conformance_camera<PinholeBrownConrady<S>>(), T, out);
+    conformance::ray_distances(conformance_camera<PinholeBrownConrady<S>>(), T, out);
     conformance::projections(conformance_camera<KannalaBrandt<S>>(), T, out);
+    conformance::ray_distances(conformance_camera<KannalaBrandt<S>>(), T, out);
     conformance::projections(conformance_camera<AnyCamera<S>>(), T, out);
+    conformance::ray_distances(conformance_camera<AnyCamera<S>>(), T, out);
     conformance::projections(conformance_camera<EquidistantCamera<S>>(), T, out);
+    conformance::ray_distances(conformance_camera<EquidistantCamera<S>>(), T, out);
     return out;
   }
 };

@@ -10,10 +10,14 @@
 #include "dynslam/dynamics/residual_batch.hpp"
 #include "dynslam/geometry/epipolar.hpp"
 #include "dynslam/geometry/epipolar_rows.hpp"
+#include "dynslam/geometry/fundamental_search.hpp"
 #include "dynslam/geometry/hartley.hpp"
 #include "dynslam/geometry/homography.hpp"
 #include "dynslam/geometry/minimal_models.hpp"
 #include "dynslam/geometry/normalised_matches.hpp"
+#include "dynslam/geometry/pixel_ray.hpp"
+#include "dynslam/geometry/ray_consensus.hpp"
+#include "dynslam/geometry/ray_matches.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/geometry/two_view.hpp"
 #include "dynslam/optim/bundle_adjustment.hpp"
@@ -106,7 +110,17 @@ void two_views(test::Record<double>& out) {
   REQUIRE(F.has_value());
   out.put("fundamental_eight_point", line_distance(*F, p[5], p_m[5]) < S(0.05));
   out.put("baseline",
-          baseline_verdict<S>(Points(p), Points(p_m), pinhole, T.so3(), S(2)) == Baseline::sufficient);
+          baseline_verdict<S>(Points(x), Points(x_m), camera, T.so3(), S(2)) == Baseline::sufficient);
+  std::vector<PixelRay<double>> r, r_m, s, s_m;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    r.push_back(detail::ray_in_double(*pixel_ray_at(camera, x[i])));
+    r_m.push_back(detail::ray_in_double(*pixel_ray_at(camera, x_m[i])));
+    s.push_back(detail::ray_in_double(*pixel_ray(camera, pinhole.ray(y[i]))));
+    s_m.push_back(detail::ray_in_double(*pixel_ray(camera, pinhole.ray(y_m[i]))));
+  }
+  const RansacOptions<double> of_rays{.max_iterations = 50};
+  out.put("fundamental_ransac.rays", fundamental_ransac(r, r_m, of_rays, ransac).inliers);
+  out.put("homography_ransac.rays", homography_ransac(s, s_m, of_rays, ransac).inliers);
 }
 
 template <class Camera>

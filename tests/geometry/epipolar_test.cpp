@@ -3,6 +3,8 @@
 
 #include <doctest/doctest.h>
 
+#include <cmath>
+#include <limits>
 #include <vector>
 
 #include "moved_camera.hpp"
@@ -76,6 +78,106 @@ TEST_CASE("Sampson's distance approximates the smallest correction of both point
     }
     CHECK(std::abs(sampson_distance_squared<double>(F, v.x[i], v.x_m[i]) - best) < 0.02 + 0.05 * best);
   }
+}
+
+TEST_CASE_TEMPLATE("the F of a camera that moves along an axis is found, in rectified views, too", S, float,
+                   double) {
+  // Fault: 300 exact matches of a motion along y ended with no_consensus.
+  test::Rng rng("rectified");
+  RansacWorkspace workspace;
+  for (const Eigen::Vector3d& t :
+       {Eigen::Vector3d(0.2, 0, 0), Eigen::Vector3d(0, 0.2, 0), Eigen::Vector3d(0, 0, 0.2)}) {
+    CAPTURE(t.transpose());
+    const Views v = make_views(rng, SE3d(SO3d(), t), 300);
+    std::vector<Eigen::Matrix<S, 2, 1>> x, x_m;
+    for (std::size_t i = 0; i < v.x.size(); ++i) {
+      x.push_back(v.x[i].cast<S>());
+      x_m.push_back(v.x_m[i].cast<S>());
+    }
+    using Points = std::span<const Eigen::Matrix<S, 2, 1>>;
+    const auto found = fundamental_ransac<S>(Points(x), Points(x_m), RansacOptions<S>(), workspace);
+    CHECK(found.status == FundamentalStatus::ok);
+    CHECK(found.inliers == 300);
+    const Eigen::Matrix3d F = fundamental_from_pose(test::kFreiburg3, test::kFreiburg3, v.T_cur_ref);
+    const Eigen::Matrix3d truth = F / F.norm(), ours = found.F.template cast<double>();
+    CHECK(std::min((truth - ours).norm(), (truth + ours).norm()) < 1e-3);
+  }
+}
+
+namespace {
+
+/// Exact matches, of which every 30th is spoilt: not finite, or farther away than any camera sees.
+template <class S>
+struct SpoiltMatches {
+  std::vector<Eigen::Matrix<S, 2, 1>> x, x_m;
+  std::vector<bool> bad;
+  int good = 0;
+
+  SpoiltMatches(const Views& v, S value) {
+    for (std::size_t i = 0; i < v.x.size(); ++i) {
+      x.push_back(v.x[i].cast<S>());
+      x_m.push_back(v.x_m[i].cast<S>());
+      bad.push_back(i % 30 == 7);
+      if (bad.back()) (i % 60 == 7 ? x : x_m).back()[i % 2 == 0 ? 0 : 1] = value;
+      good += bad.back() ? 0 : 1;
+    }
+  }
+};
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("a match that is not finite, or out of this world, spoils none of the others", S, float,
+                   double) {
+  // Fault: one NaN or 1e30 among 300 left no F; one of 1e6 px moved the normalisation of all.
+  test::Rng rng("spoilt matches");
+  const Views v = make_views(rng, test::moved(0.25, 0.05, -0.1, 0.1), 300);
+  const S nan = std::numeric_limits<S>::quiet_NaN(), infinity = std::numeric_limits<S>::infinity();
+  for (const S value : {nan, infinity, S(-1e30), S(1e30), S(1e6), std::numeric_limits<S>::max()}) {
+    CAPTURE(value);
+    const SpoiltMatches<S> m(v, value);
+    using Points = std::span<const Eigen::Matrix<S, 2, 1>>;
+    const auto F = fundamental_ransac<S>(Points(m.x), Points(m.x_m), RansacOptions<S>());
+    REQUIRE(F.status == FundamentalStatus::ok);
+    CHECK(F.inliers == m.good);
+    for (std::size_t i = 0; i < m.x.size(); ++i) CHECK((F.inlier[i] != 0) == !m.bad[i]);
+    // The plain solvers have no outliers; what is not finite is none of their matches.
+    if (std::isfinite(value)) continue;
+    const auto least_squares = fundamental_eight_point<S>(Points(m.x), Points(m.x_m));
+    REQUIRE(least_squares);
+    for (std::size_t i = 0; i < m.x.size(); ++i) {
+      if (!m.bad[i]) CHECK(line_distance<S>(*least_squares, m.x[i], m.x_m[i]) < S(0.1));
+    }
+    CHECK(baseline_verdict<S>(Points(m.x), Points(m.x_m), test::kFreiburg3.cast<S>(),
+                              v.T_cur_ref.so3().cast<S>(), S(4)) == Baseline::sufficient);
+    const std::vector<Eigen::Matrix<S, 2, 1>> none(20, Eigen::Matrix<S, 2, 1>(value, value));
+    CHECK(fundamental_ransac<S>(Points(none), Points(none), RansacOptions<S>()).status ==
+          FundamentalStatus::too_few_points);
+    CHECK_FALSE(fundamental_eight_point<S>(Points(none), Points(none)));
+  }
+}
+
+TEST_CASE("what takes any floating point takes long double") {
+  // Fault: fundamental_eight_point and homography_dlt passed their constraint and did not compile.
+  using S = long double;
+  test::Rng rng("long double");
+  const Views v = make_views(rng, test::moved(0.3, -0.1, 0.1, 0.2), 60);
+  std::vector<Eigen::Matrix<S, 2, 1>> x, x_m;
+  for (std::size_t i = 0; i < v.x.size(); ++i) {
+    x.push_back(v.x[i].cast<S>());
+    x_m.push_back(v.x_m[i].cast<S>());
+  }
+  using Points = std::span<const Eigen::Matrix<S, 2, 1>>;
+  const auto F = fundamental_eight_point<S>(Points(x), Points(x_m));
+  REQUIRE(F);
+  CHECK(fundamental_ransac<S>(Points(x), Points(x_m), RansacOptions<S>()).inliers == 60);
+  for (std::size_t i = 0; i < x.size(); ++i) CHECK(line_distance<S>(*F, x[i], x_m[i]) < S(1e-6));
+  std::vector<Eigen::Matrix<S, 2, 1>> moved;  // a plane that is stretched
+  for (const auto& p : x) moved.push_back({S(2) * p[0] + S(3), S(0.5) * p[1]});
+  const auto H = homography_dlt<S>(Points(x), Points(moved));
+  REQUIRE(H);
+  CHECK(transfer_distance_squared<S>(*H, x[0], moved[0]) < S(1e-12));
+  RansacWorkspace workspace;
+  CHECK(homography_ransac<S>(Points(x), Points(moved), RansacOptions<S>(), workspace).inliers == 60);
 }
 
 TEST_CASE("RANSAC finds the inliers among 40 % outliers, the same ones for the same seed") {

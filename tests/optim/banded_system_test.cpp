@@ -7,6 +7,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cstddef>
+#include <limits>
+#include <string>
 #include <vector>
 
 #include "random.hpp"
@@ -58,4 +60,38 @@ TEST_CASE_TEMPLATE("a matrix that is not positive definite is refused", S, float
   CHECK_FALSE(banded.factor());
   banded.reset(3);
   CHECK_FALSE(banded.factor());
+}
+
+TEST_CASE_TEMPLATE("a chain that nothing holds in place is refused, whatever rounding leaves of its pivots",
+                   S, float, double) {
+  // Fault: a pivot of 1e-17 counted as positive, and the solution was noise.
+  test::Rng random("loose chain");
+  int refused = 0, held = 0;
+  for (int trial = 0; trial < 50; ++trial) {
+    BandedSystem<S, 3> banded;
+    const auto differences = [&](double anchor) {  // of first order, of weights that are no binary fractions
+      test::Rng weights("weights" + std::to_string(trial));
+      banded.reset(40);
+      banded.at(0, 0) = static_cast<S>(anchor);
+      for (std::size_t i = 0; i + 1 < 40; ++i) {
+        const auto w = static_cast<S>(weights.uniform(0.1, 3));
+        banded.at(i, 0) += w;
+        banded.at(i + 1, 0) += w;
+        banded.at(i, 1) -= w;
+      }
+    };
+    differences(0);
+    refused += banded.factor() ? 0 : 1;
+    differences(1);
+    held += banded.factor() ? 1 : 0;
+    for (const S bad : {std::numeric_limits<S>::quiet_NaN(), std::numeric_limits<S>::infinity()}) {
+      for (const std::size_t k : {std::size_t{0}, std::size_t{1}}) {
+        differences(1);
+        banded.at(7, k) = bad;
+        CHECK_FALSE(banded.factor());
+      }
+    }
+  }
+  CHECK(refused >= 45);  // rounding may hold a chain of 40 by a little more than 10 epsilon
+  CHECK(held == 50);
 }

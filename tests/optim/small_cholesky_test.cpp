@@ -7,7 +7,10 @@
 #include <Eigen/LU>
 #include <cmath>
 #include <limits>
+#include <type_traits>
+#include <vector>
 
+#include "dynslam/optim/normal_equations.hpp"
 #include "random.hpp"
 
 using namespace dynslam;
@@ -86,5 +89,45 @@ TEST_CASE_TEMPLATE("what is not positive definite by more than rounding is refus
     CHECK_FALSE(factor.compute(A));
     A(0, 0) *= S(1.01);
     CHECK(factor.compute(A));
+  }
+}
+
+TEST_CASE_TEMPLATE("what points on an axis leave free is refused, and what they determine is solved", S,
+                   float, double) {
+  // A pose from points at 1 to 5 m before the camera: all on the optical axis (a turn about it is free), on a
+  // line across (turns about that line), on a plane, and with rows and columns of zeros.
+  const auto system = [](const std::vector<Eigen::Vector3d>& points, bool depth) {
+    NormalEquations<S, 6> sum;
+    sum.set_zero();
+    for (const Eigen::Vector3d& p : points) {
+      Eigen::Matrix<double, 3, 6> J;
+      J << 1 / p.z(), 0, -p.x() / (p.z() * p.z()), 0, 0, 0, 0, 1 / p.z(), -p.y() / (p.z() * p.z()), 0, 0, 0,
+          0, 0, 1, 0, 0, 0;
+      Eigen::Matrix3d cross;
+      cross << 0, p.z(), -p.y(), -p.z(), 0, p.x(), p.y(), -p.x(), 0;
+      J.rightCols<3>() = J.leftCols<3>() * cross;
+      for (int r = 0; r < (depth ? 3 : 2); ++r) {
+        const Eigen::Matrix<S, 1, 6> row = J.row(r).template cast<S>();
+        sum.add_row(row, S(0.1), S(500 * 500));
+      }
+    }
+    return sum;
+  };
+  const std::vector<Eigen::Vector3d> axis{{0, 0, 1}, {0, 0, 2}, {0, 0, 3}, {0, 0, 5}},
+      line{{-1, 0, 2}, {0, 0, 2}, {1, 0, 2}, {2, 0, 2}},
+      plane{{-1, -1, 2}, {1, -1, 2}, {-1, 1, 2}, {1, 1, 2}, {0, 1, 2}, {1, 0, 2}};
+  Eigen::Matrix<S, 6, 1> step;
+  Eigen::Matrix<S, 6, 6> covariance;
+  for (const bool depth : {false, true}) {
+    CHECK_FALSE(system(axis, depth).solve(S(0), step));
+    CHECK_FALSE(system(axis, depth).covariance(covariance));
+    CHECK_FALSE(system(line, depth).solve(S(0), step));
+    REQUIRE(system(plane, depth).solve(S(0), step));
+    const auto whole = system(plane, depth);
+    const Eigen::Matrix<double, 6, 6> H = whole.hessian().template cast<double>();
+    const Eigen::Matrix<double, 6, 1> expected =
+        -H.fullPivLu().solve(whole.gradient().template cast<double>());
+    CHECK((step.template cast<double>() - expected).norm() <
+          (std::is_same_v<S, float> ? 5e-2 : 1e-8) * expected.norm());
   }
 }

@@ -37,7 +37,7 @@ struct Motion {
   std::vector<JudgedMatch<S>> matches;  ///< mismatches left out; empty where too few were found
   // How it came about.
   int tracked = 0;     ///< reference keypoints found
-  int mismatches = 0;  ///< off their epipolar line
+  int mismatches = 0;  ///< off their epipolar curve
   bool epipolar_used = false;
   int dynamic_matches = 0;
   StaticWeightScales<S> scales{};

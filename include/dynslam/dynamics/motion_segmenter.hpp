@@ -276,7 +276,7 @@ class MotionSegmenter {
     motion_.dynamic_matches = result.dynamic_matches;
     motion_.scales = result.scales;
     for (std::size_t k = 0; k < matches_.size(); ++k) {
-      if (result.mismatch[k] != 0) continue;
+      if (result.mismatch[k] != 0 || result.invalid[k] != 0) continue;
       motion_.matches.push_back({matches_[k].x, matches_[k].x_m, result.weight[k], result.dynamic[k] != 0});
       judged_.push_back(k);
     }

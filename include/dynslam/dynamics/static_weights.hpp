@@ -23,7 +23,7 @@
 #include "dynslam/dynamics/residuals.hpp"
 #include "dynslam/dynamics/static_weight.hpp"
 #include "dynslam/geometry/epipolar.hpp"
-#include "dynslam/geometry/ideal_pinhole.hpp"
+#include "dynslam/geometry/pixel_ray.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/geometry/two_view.hpp"
 #include "dynslam/image/depth.hpp"
@@ -62,8 +62,8 @@ struct StaticWeightsOptions {
   StaticWeightScales<S> floors{S(6), S(0.7), S(2)};
   DepthNoise<S> depth_noise;     ///< of the sensor: the depth error is judged in its standard deviations
   std::size_t min_matches = 30;  ///< outside the mask, for scales and F to mean something
-  S epipolar_px = S(1.5);        ///< distance to the epipolar line that makes a mismatch
-  S min_parallax_px = S(4);      ///< median parallax below which F is not estimated (degenerate)
+  S epipolar_px = S(1.5);        ///< distance to the epipolar curve that makes a mismatch [recorded px]
+  S min_parallax_px = S(4);      ///< median parallax below which F is not estimated [recorded px]
   std::uint64_t seed = 1;        ///< of the RANSAC
 
   /// Eq (7) as the paper prints it: nu = 11 and the numerator 12 for every d. tau is chosen such that a match
@@ -87,20 +87,21 @@ enum class StaticWeightsStatus : std::uint8_t {
 enum class EpipolarVerdict : std::uint8_t {
   not_applicable,  ///< too few matches, too little parallax, or no F that enough of them agree on
   planar,          ///< one homography explains them: F would be arbitrary, and nothing is judged by it
-  applied          ///< matches far from their epipolar line are mismatches
+  applied          ///< matches far from their epipolar curve are mismatches
 };
 
 /// Weights and flags are in the order of the matches.
 template <std::floating_point S>
 struct StaticWeightsResult {
   StaticWeightsStatus status = StaticWeightsStatus::too_few_matches;
-  std::vector<S> weight;               ///< Eq (7); 0 for mismatches
-  std::vector<std::uint8_t> dynamic;   ///< 1: weight < tau, and not a mismatch
-  std::vector<std::uint8_t> mismatch;  ///< 1: off its epipolar line (Eq 8)
+  std::vector<S> weight;               ///< Eq (7); 0 for mismatches and for invalid ones
+  std::vector<std::uint8_t> dynamic;   ///< 1: weight < tau, and neither a mismatch nor invalid
+  std::vector<std::uint8_t> mismatch;  ///< 1: off its epipolar curve (Eq 8)
+  std::vector<std::uint8_t> invalid;   ///< 1: a pixel or the point is not finite: nothing can be said
   StaticWeightScales<S> scales{};      ///< estimated; depth in the sensor's standard deviations
   S exposure = S(0);                   ///< median photometric error, taken off all of them [grey values]
   EpipolarVerdict epipolar = EpipolarVerdict::not_applicable;
-  int mismatches = 0, dynamic_matches = 0;
+  int mismatches = 0, dynamic_matches = 0, invalid_matches = 0;
   [[nodiscard]] bool ok() const { return status == StaticWeightsStatus::ok; }
 };
 
@@ -110,59 +111,70 @@ struct StaticWeightsWorkspace {
   StaticWeightsResult<S> result;
   std::vector<KeypointResiduals<S>> residuals;
   std::vector<S> photometric, reprojection, depth, sorted;
-  std::vector<Eigen::Vector2d> x, x_m;  // ideal pixels
+  std::vector<PixelRay<double>> x, x_m;
   std::vector<std::size_t> index;
-  TwoViewWorkspace<double> two_view;
+  RansacWorkspace ransac;
   ScaleWorkspace<S> scale;
 };
 
 namespace detail {
 
-/// Eq (8): flags what lies off its epipolar line. F is estimated outside the a-priori mask only, and only
-/// where the translation gives it meaning and the scene is not a plane (two_view_geometry). In double
-/// whatever S is: eight points of an image are at the limit of what float can tell apart.
-template <CameraModel C, class S = typename C::ScalarType>
+/// Flags what is not finite. @return how many
+template <std::floating_point S>
+[[nodiscard]] int flag_invalid(std::span<const KeypointMatch<S>> matches,
+                               std::vector<std::uint8_t>& invalid) {
+  invalid.assign(matches.size(), 0);
+  int count = 0;
+  for (std::size_t k = 0; k < matches.size(); ++k) {
+    const KeypointMatch<S>& m = matches[k];
+    invalid[k] = m.x.allFinite() && m.p_ref.allFinite() && m.x_m.allFinite() ? 0 : 1;
+    count += invalid[k];
+  }
+  return count;
+}
+
+/// Eq (8): flags what lies off its epipolar curve. F is estimated outside the a-priori mask only, and only
+/// where the translation gives it meaning and the scene is not a plane (two_view_geometry). In rays, and in
+/// double whatever S is: eight points of an image are at the limit of what float can tell apart.
+template <DifferentiableCamera C, class S = typename C::ScalarType>
 void flag_mismatches(const C& camera, std::span<const KeypointMatch<S>> matches, const SE3<S>& T_cur_ref,
                      const StaticWeightsOptions<S>& options, StaticWeightsWorkspace<S>& ws) {
   auto& result = ws.result;
-  const auto pinhole = ideal_pinhole(camera);
   ws.x.clear();
   ws.x_m.clear();
   ws.index.clear();
+  ws.sorted.clear();
   std::size_t n = 0;
   for (const bool masked : {false, true}) {  // what F is estimated from comes first
     for (std::size_t k = 0; k < matches.size(); ++k) {
-      if (matches[k].masked != masked) continue;
-      const auto x = pinhole.project(matches[k].p_ref);
-      const auto x_m = [&] {
-        if constexpr (requires { camera.undistort_pixel(matches[k].x_m, S(1)); })  // RollingCamera
-          return camera.undistort_pixel(matches[k].x_m, (T_cur_ref * matches[k].p_ref).z());
-        else
-          return to_ideal(camera, pinhole, matches[k].x_m);
-      }();
+      const KeypointMatch<S>& m = matches[k];
+      if (m.masked != masked || result.invalid[k] != 0) continue;
+      // The depth matters where rows are read one after the other; where it is none, any will do.
+      const S z = (T_cur_ref * m.p_ref).z();
+      const auto p_m = camera.unproject(m.x_m, z > S(0) ? z : S(1));
+      if (!p_m) continue;
+      const auto x = pixel_ray(camera, m.p_ref), x_m = pixel_ray(camera, *p_m);
       if (!x || !x_m) continue;
       ws.index.push_back(k);
-      ws.x.push_back(x->template cast<double>());
-      ws.x_m.push_back(x_m->template cast<double>());
+      ws.x.push_back(ray_in_double(*x));
+      ws.x_m.push_back(ray_in_double(*x_m));
+      const auto rotated = masked ? std::nullopt : camera.project(T_cur_ref.so3() * m.p_ref);
+      if (rotated) ws.sorted.push_back((*rotated - m.x_m).norm());
     }
     if (!masked) n = ws.x.size();
   }
-  using Points = std::span<const Eigen::Vector2d>;
-  const Points x = Points(ws.x).first(n), x_m = Points(ws.x_m).first(n);
-  if (n < options.min_matches ||
-      baseline_verdict<double>(x, x_m, pinhole.template cast<double>(),
-                               T_cur_ref.template cast<double>().so3(),
-                               static_cast<double>(options.min_parallax_px)) != Baseline::sufficient)
+  if (n < options.min_matches || baseline_of(ws.sorted, options.min_parallax_px) != Baseline::sufficient)
     return;
+  using Rays = std::span<const PixelRay<double>>;
   TwoViewOptions<double> two_view;
   two_view.ransac.threshold_px = static_cast<double>(options.epipolar_px);
   two_view.ransac.seed = options.seed;
-  const auto views = two_view_geometry(pinhole.template cast<double>(), x, x_m, two_view, ws.two_view);
+  const auto views = model_of_rays(Rays(ws.x).first(n), Rays(ws.x_m).first(n), two_view, ws.ransac);
   if (views.model == TwoViewModel::homography) result.epipolar = EpipolarVerdict::planar;
   if (views.model != TwoViewModel::fundamental) return;
   result.epipolar = EpipolarVerdict::applied;
   for (std::size_t i = 0; i < ws.x.size(); ++i) {
-    if (line_distance<double>(views.matrix, ws.x[i], ws.x_m[i]) <= two_view.ransac.threshold_px) continue;
+    if (views.distance(ws.x[i], ws.x_m[i]) <= two_view.ransac.threshold_px) continue;
     result.mismatch[ws.index[i]] = 1;
     ++result.mismatches;
   }
@@ -178,6 +190,7 @@ void collect_residuals(const C& camera, std::span<const KeypointMatch<S>> matche
   for (std::size_t k = 0; k < matches.size(); ++k) {
     const KeypointMatch<S>& m = matches[k];
     KeypointResiduals<S>& r = ws.residuals[k];
+    if (ws.result.invalid[k] != 0) continue;
     const Eigen::Matrix<S, 3, 1> p_c = T_cur_ref * m.p_ref;
     const auto projected = camera.project(p_c);
     if (!projected) {  // found again, though it would have to be out of view: it moves
@@ -214,7 +227,9 @@ template <std::floating_point S>
 /// Static weights of the keypoints of one reference image in the present one (paper, steps 6 to 8):
 /// mismatches by the epipolar constraint (Eq 8), photometric, reprojection and depth error of each match (Eqs
 /// 3, 5, 6), their scales estimated outside the a-priori mask with floors, exposure compensated, joint weight
-/// (Eq 7) and verdict. Pixels are those of the recorded images; the camera may have any lens.
+/// (Eq 7) and verdict. Pixels and thresholds in them are those of the recorded images; the camera may have
+/// any lens. Matches that are not finite have weight 0 and a flag of their own, and change nothing for the
+/// others.
 /// @param reference_gray, gray  grey images, 0 to 255, of any type that is ImageLike
 /// @param depth      present depth image [m]; invalid = NaN or <= 0
 /// @param T_cur_ref  pose of the reference camera in the present one's frame, as known before the check
@@ -232,12 +247,14 @@ DYNSLAM_NO_DANGLING const StaticWeightsResult<S>& static_weights(
   result.scales = options.floors;
   result.exposure = S(0);
   result.mismatch.assign(n, 0);
+  result.invalid_matches = detail::flag_invalid<S>(matches, result.invalid);
   result.weight.clear();
   result.dynamic.clear();
   detail::flag_mismatches(camera, matches, T_cur_ref, options, workspace);
   detail::collect_residuals(camera, matches, reference_gray, gray, depth, T_cur_ref, options, workspace);
   if (workspace.reprojection.size() < options.min_matches) {
     result.mismatch.clear();
+    result.invalid.clear();
     return result;
   }
   result.exposure = detail::take_off_exposure(workspace.photometric, workspace.sorted);
@@ -253,7 +270,7 @@ DYNSLAM_NO_DANGLING const StaticWeightsResult<S>& static_weights(
   result.weight.assign(n, S(0));
   result.dynamic.assign(n, 0);
   for (std::size_t k = 0; k < n; ++k) {
-    if (result.mismatch[k] != 0) continue;
+    if (result.mismatch[k] != 0 || result.invalid[k] != 0) continue;
     KeypointResiduals<S>& r = workspace.residuals[k];
     if (r.photometric) *r.photometric -= result.exposure;
     const S z = (T_cur_ref * matches[k].p_ref).z();

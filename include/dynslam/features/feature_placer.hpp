@@ -27,9 +27,9 @@ namespace dynslam {
 /// there at the time of the colour image; both as its middle row would have seen them, where rows are read
 /// one after the other.
 ///
-/// The inverse of a lens is looked up: it is calculated once per pixel of the image, and the displacement at
-/// the nearest one serves the positions between, for a lens is smooth.
-template <CameraModel C>
+/// The inverse of a lens is looked up: it is calculated once per pixel of the image, and positions between
+/// are reached from the nearest one by the steps to its neighbours, for a lens is smooth.
+template <HasIdealPinhole C>
   requires std::floating_point<typename C::ScalarType>
 class FeaturePlacer {
  public:
@@ -61,12 +61,22 @@ class FeaturePlacer {
     return f.x >= 0 && f.y >= 0 && f.x < static_cast<float>(width_) && f.y < static_cast<float>(height_);
   }
 
+  /// Ideal pixels per recorded one at a recorded pixel, as the root of the mean square over all directions:
+  /// times as large is the noise of a feature's ideal place as that of its recorded one. 1 outside the
+  /// image.
+  [[nodiscard]] float stretch(const Vector2& pixel) const {
+    const int u = static_cast<int>(std::lrint(pixel.x())), v = static_cast<int>(std::lrint(pixel.y()));
+    if (!contains(u, v)) return 1.0F;
+    const Steps steps = steps_at(u, v);
+    return std::sqrt(0.5F * (steps.right.squaredNorm() + steps.down.squaredNorm()));
+  }
+
   /// The camera's motion from the colour image to the depth image, which are taken one after the other;
   /// nullopt: at once, or nobody knows.
   void set_depth_motion(const std::optional<SE3<S>>& T_depth_c) { T_depth_c_ = T_depth_c; }
 
-  /// How the camera moves while the colour image's rows are read. Depth is read alike, row by row, the motion
-  /// of set_depth_motion() earlier or later.
+  /// How the camera moves while the colour image's rows are read. Depth is read alike, row by row, the
+  /// motion of set_depth_motion() earlier or later.
   void set_rolling_shutter(const RollingShutter<S>& shutter) { shutter_ = shutter; }
   [[nodiscard]] const RollingShutter<S>& rolling_shutter() const { return shutter_; }
 
@@ -103,7 +113,8 @@ class FeaturePlacer {
     }
   }
 
-  /// Puts a feature that was placed as if all rows were read at once where the middle row would have seen it.
+  /// Puts a feature that was placed as if all rows were read at once where the middle row would have seen
+  /// it.
   void bring_to_middle(Feature& f) const {
     if (!shutter_.moves() || f.x == kNowhere) return;
     constexpr float kFar = 1e4F;  // [m]; the camera's way does not show there
@@ -145,9 +156,28 @@ class FeaturePlacer {
     const int u = static_cast<int>(std::lrint(f.u)), v = static_cast<int>(std::lrint(f.v));
     if (!contains(u, v)) return false;
     const Eigen::Vector2f& ideal = ideal_at(u, v);
-    f.x = ideal.x() + (f.u - static_cast<float>(u));
-    f.y = ideal.y() + (f.v - static_cast<float>(v));
+    const Steps steps = steps_at(u, v);
+    const float du = f.u - static_cast<float>(u), dv = f.v - static_cast<float>(v);
+    f.x = ideal.x() + du * steps.right.x() + dv * steps.down.x();
+    f.y = ideal.y() + dv * steps.down.y() + du * steps.right.y();
     return ideal.x() != kNowhere;
+  }
+
+  /// What the ideal pixel changes by with one recorded pixel to the right, and one down.
+  struct Steps {
+    Eigen::Vector2f right, down;
+  };
+  [[nodiscard]] Steps steps_at(int u, int v) const { return {step(u, v, 1, 0), step(u, v, 0, 1)}; }
+  /// Half of the way between both neighbours; at the border, and at that of the lens' field, to the one
+  /// that is there; that of a pinhole where there is none.
+  [[nodiscard]] Eigen::Vector2f step(int u, int v, int right, int down) const {
+    const auto known = [&](int a, int b) { return contains(a, b) && ideal_at(a, b).x() != kNowhere; };
+    const bool here = known(u, v), after = known(u + right, v + down), before = known(u - right, v - down);
+    if (!here || !(after || before)) return {static_cast<float>(right), static_cast<float>(down)};
+    const Eigen::Vector2f& to = after ? ideal_at(u + right, v + down) : ideal_at(u, v);
+    const Eigen::Vector2f& from = before ? ideal_at(u - right, v - down) : ideal_at(u, v);
+    const float per_pixel = after && before ? 0.5F : 1.0F;
+    return {per_pixel * (to.x() - from.x()), per_pixel * (to.y() - from.y())};
   }
 
   [[nodiscard]] bool contains(int u, int v) const { return u >= 0 && v >= 0 && u < width_ && v < height_; }
@@ -163,12 +193,14 @@ class FeaturePlacer {
   void fetch(const Feature& f, const I& depth) const {
     const int u = static_cast<int>(std::lrint(f.u)), v = static_cast<int>(std::lrint(f.v));
     if (!contains(u, v)) return;
-    detail::prefetch(&ideal_at(u, v));
+    for (const int row : {v - 1, v, v + 1}) {
+      if (contains(u, row)) detail::prefetch(&ideal_at(u, row));
+    }
     if constexpr (RowImage<I>) detail::prefetch(depth.row(v) + u);
   }
 
-  /// The depth image was taken a little earlier or later: looks where the point was then, and brings what is
-  /// measured there back. @return 0 where nothing is
+  /// The depth image was taken a little earlier or later: looks where the point was then, and brings what
+  /// is measured there back. @return 0 where nothing is
   template <DepthImage I>
   [[nodiscard]] float depth_of_colour_time(const Feature& f, float z, const I& depth) const {
     const Vector3 p_c = pinhole_.ray(Vector2(static_cast<S>(f.x), static_cast<S>(f.y))) * static_cast<S>(z);

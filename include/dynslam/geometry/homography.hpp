@@ -56,7 +56,7 @@ template <Scalar S>
 
 /// Normalised direct linear transform (Hartley and Zisserman, Alg. 4.2): H with x_m ~ H x, |H| = 1 and
 /// H x in front (a positive third component for the data). `index` selects matches; empty: all. Solved in
-/// double for any scalar.
+/// double or better for any scalar. Matches that are not finite are left out.
 /// @return nullopt with fewer than 4 matches or when they leave more than one H (three on a line of four)
 template <std::floating_point S>
 [[nodiscard]] std::optional<Eigen::Matrix<S, 3, 3>> homography_dlt(
@@ -66,16 +66,20 @@ template <std::floating_point S>
   using Matrix3 = Eigen::Matrix<W, 3, 3>;
   using Matrix9 = Eigen::Matrix<W, 9, 9>;
   const std::size_t n = index.empty() ? std::min(x.size(), x_m.size()) : index.size();
-  if (n < 4) return std::nullopt;
   const auto at = [&](std::size_t k) { return index.empty() ? k : static_cast<std::size_t>(index[k]); };
   const auto first = [&](std::size_t k) -> Eigen::Matrix<W, 2, 1> { return x[at(k)].template cast<W>(); };
   const auto second = [&](std::size_t k) -> Eigen::Matrix<W, 2, 1> { return x_m[at(k)].template cast<W>(); };
+  const auto used = [&](std::size_t k) {
+    const Eigen::Matrix<W, 2, 1> a = first(k), b = second(k);
+    return std::isfinite(a[0]) && std::isfinite(a[1]) && std::isfinite(b[0]) && std::isfinite(b[1]);
+  };
   Matrix3 T, T_m;
-  if (!detail::normalising_transform<W>(n, first, T) || !detail::normalising_transform<W>(n, second, T_m)) {
+  if (detail::normalising_transform<W>(n, first, used, T) < 4 ||
+      detail::normalising_transform<W>(n, second, used, T_m) < 4)
     return std::nullopt;
-  }
   Matrix9 AtA = Matrix9::Zero();
   for (std::size_t k = 0; k < n; ++k) {
+    if (!used(k)) continue;
     const Eigen::Matrix<W, 3, 1> p = detail::normalised<W>(T, first(k)),
                                  q = detail::normalised<W>(T_m, second(k));
     const W a[9] = {W(0), W(0), W(0), -p[0], -p[1], -p[2], q[1] * p[0], q[1] * p[1], q[1] * p[2]};
@@ -92,8 +96,13 @@ template <std::floating_point S>
   Matrix3 H = detail::product<W>(detail::product<W>(T_m_inverse, normalised), T);
   const W norm = H.norm();
   if (!(norm > W(0)) || !std::isfinite(norm)) return std::nullopt;
-  const Eigen::Matrix<W, 2, 1> x_0 = first(0);
-  const W sign = H(2, 0) * x_0[0] + H(2, 1) * x_0[1] + H(2, 2) < W(0) ? W(-1) : W(1);
+  int in_front = 0;  // of the points; all or none, of matches that one view of a plane explains
+  for (std::size_t k = 0; k < n; ++k) {
+    if (!used(k)) continue;
+    const Eigen::Matrix<W, 2, 1> p = first(k);
+    in_front += H(2, 0) * p[0] + H(2, 1) * p[1] + H(2, 2) < W(0) ? -1 : 1;
+  }
+  const W sign = in_front < 0 ? W(-1) : W(1);
   H *= sign / norm;
   return H.template cast<S>();
 }
@@ -125,7 +134,8 @@ class HomographySearch {
     const float inverse = static_cast<float>(1 / limit_);
     return matches_.sum(beaten, [=](float x, float y, float x_m, float y_m) {
       const auto [d2, z] = distance(x, y, x_m, y_m);
-      const float in_front = z > 0.0F ? z : 0.0F;
+      // Nothing behind. Of a choice, g++ makes branches here and no vectors.
+      const float in_front = 0.5F * (z + std::abs(z));
       return inlier_worth(d2 * inverse / (in_front * in_front + 1e-30F));
     });
   }
@@ -185,8 +195,28 @@ class HomographySearch {
 };
 }  // namespace detail
 
+namespace detail {
+/// H by samples of four. @return iterations
+template <std::floating_point S, class Matches, class Search>
+int sample_homographies(const Matches& matches, const RansacOptions<S>& options, BestModel<Search>& best) {
+  return search_models<4, S>(matches.size(), options, best,
+                             [&](const std::array<std::size_t, 4>& sample, const auto& consider) {
+                               Eigen::Matrix<double, 3, 4> p, q;
+                               for (std::size_t k = 0; k < 4; ++k)
+                                 matches.copy_points(sample[k], p.data() + 3 * k, q.data() + 3 * k);
+                               if (const auto H = homography_four_point(p, q)) consider(*H);
+                             });
+}
+/// Matches without which a RANSAC over samples of `sample` is not begun.
+template <std::floating_point S>
+[[nodiscard]] std::size_t least_matches(std::size_t sample, const RansacOptions<S>& options) {
+  return std::max(sample, static_cast<std::size_t>(std::max(0, options.min_inliers)));
+}
+}  // namespace detail
+
 /// H by RANSAC over samples of four, refined on its inliers, judged by the transfer error. Solved in double
-/// and compared in float for any scalar; the flags are of scalar S.
+/// and compared in float for any scalar; the flags are of scalar S. Matches that are not finite are outliers.
+/// @param x, x_m  ideal pixels (behind a lens: the overload of rays, ray_consensus.hpp)
 template <std::floating_point S>
 [[nodiscard]] RansacOutcome<Eigen::Matrix<S, 3, 3>> homography_ransac(
     std::span<const Eigen::Matrix<S, 2, 1>> x, std::span<const Eigen::Matrix<S, 2, 1>> x_m,
@@ -194,19 +224,12 @@ template <std::floating_point S>
   const std::size_t n = std::min(x.size(), x_m.size());
   RansacOutcome<Eigen::Matrix<S, 3, 3>> result;
   result.inlier.assign(n, 0);
-  if (n < std::max(std::size_t{4}, static_cast<std::size_t>(std::max(0, options.min_inliers)))) return result;
   detail::NormalisedMatches matches;
-  if (!matches.set<S>(x, x_m, n, workspace)) return result;
+  if (!matches.set<S>(x, x_m, n, detail::least_matches(4, options), workspace)) return result;
   const double threshold = matches.scale() * static_cast<double>(options.threshold_px);
   detail::HomographySearch<double> search(matches, threshold * threshold);
   detail::BestModel best(search, options.refinements);
-  result.iterations = detail::search_models<4, S>(
-      n, options, best, [&](const std::array<std::size_t, 4>& sample, const auto& consider) {
-        Eigen::Matrix<double, 3, 4> p, q;
-        for (std::size_t k = 0; k < 4; ++k)
-          matches.copy_points(sample[k], p.data() + 3 * k, q.data() + 3 * k);
-        if (const auto H = homography_four_point(p, q)) consider(*H);
-      });
+  result.iterations = detail::sample_homographies(matches, options, best);
   if (best.inliers() == 0) return result;
   Eigen::Matrix3d H =
       detail::product<double>(detail::product<double>(matches.T_m_inverse(), best.model()), matches.T());

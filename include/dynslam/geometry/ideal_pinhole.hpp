@@ -18,11 +18,14 @@ concept HasPinhole = CameraModel<C> && requires(const C& camera) {
   { camera.pinhole() } -> std::convertible_to<Pinhole<typename C::ScalarType>>;
 };
 
+/// A camera of which an ideal pinhole is known: it names one, or its derivative on the axis tells one.
+template <class C>
+concept HasIdealPinhole = HasPinhole<C> || DifferentiableCamera<C>;
+
 /// The ideal pinhole camera of any camera: itself, the one that it names (`pinhole()`), or else the one that
 /// agrees with it on the optical axis in value and derivative. What is done in straight lines (epipolar
 /// geometry, homographies, grids of rays) is done in the pixels of this camera.
-template <CameraModel C>
-  requires HasPinhole<C> || DifferentiableCamera<C>
+template <HasIdealPinhole C>
 [[nodiscard]] Pinhole<typename C::ScalarType> ideal_pinhole(const C& camera) {
   using S = typename C::ScalarType;
   if constexpr (std::same_as<C, Pinhole<S>>) {

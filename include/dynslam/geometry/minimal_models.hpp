@@ -23,43 +23,63 @@
 namespace dynslam {
 
 namespace detail {
-/// Real roots of a t^3 + b t^2 + c t + d; of a lower degree where `a` is tiny. @return how many
-inline int real_roots(double a, double b, double c, double d, std::array<double, 3>& roots) {
+/// Real roots of t^3 + b t^2 + c t + d, double ones as often as they count. @return how many: 1 or 3
+inline int real_roots(double b, double c, double d, std::array<double, 3>& roots) {
   constexpr double kThird = 1.0 / 3.0, kTiny = 1e-12;
-  const double largest = std::max(std::max(std::abs(a), std::abs(b)), std::max(std::abs(c), std::abs(d)));
-  if (!(largest > 0) || !std::isfinite(largest)) return 0;
-  if (std::abs(a) < kTiny * largest) {
-    if (std::abs(b) < kTiny * largest) {
-      if (std::abs(c) < kTiny * largest) return 0;
-      roots[0] = -d / c;
-      return 1;
-    }
-    const double inside = c * c - 4 * b * d;
-    if (inside < 0) return 0;
-    const double q = -0.5 * (c + std::copysign(std::sqrt(inside), c));
-    roots[0] = q / b;
-    if (q == 0) return 1;
-    roots[1] = d / q;
-    return 2;
-  }
-  b /= a;
-  c /= a;
-  d /= a;
   const double shift = b * kThird, p = (b * b - 3 * c) / 9, q = (b * (2 * b * b - 9 * c) + 27 * d) / 54;
+  const double p3 = p * p * p;
   int n = 0;
-  if (q * q < p * p * p) {  // three
-    const double size = -2 * std::sqrt(p), angle = std::acos(q / std::sqrt(p * p * p)) * kThird;
+  // Rounding must not take a double root for a pair of complex ones: rectified views have them.
+  if (q * q - p3 < kTiny * p3) {  // three
+    const double size = -2 * std::sqrt(p),
+                 angle = std::acos(std::clamp(q / std::sqrt(p3), -1.0, 1.0)) * kThird;
     constexpr double kStep = 2.0943951023931953;  // a third of a turn
     for (const double offset : {0.0, kStep, -kStep})
       roots[static_cast<std::size_t>(n++)] = size * std::cos(angle + offset) - shift;
   } else {
-    const double e = -std::copysign(std::cbrt(std::abs(q) + std::sqrt(q * q - p * p * p)), q);
+    const double e = -std::copysign(std::cbrt(std::abs(q) + std::sqrt(q * q - p3)), q);
     roots[static_cast<std::size_t>(n++)] = e + (e != 0 ? p / e : 0.0) - shift;
   }
   for (int k = 0; k < n; ++k) {  // a step of Newton's: the closed form loses digits near double roots
     double& t = roots[static_cast<std::size_t>(k)];
     const double slope = c + t * (2 * b + 3 * t);
     if (std::abs(slope) > kTiny) t -= (d + t * (c + t * (b + t))) / slope;
+  }
+  return n;
+}
+
+/// The matrices of rank 2 in the pencil of G and H, in `F`: roots of the cubic form det(t G + s H), the one
+/// at infinity (G itself) among them. @return how many; 0 where every matrix of the pencil is singular
+template <std::same_as<double> W>
+[[nodiscard]] int singular_of_pencil(Eigen::Matrix<W, 3, 3> G, Eigen::Matrix<W, 3, 3> H,
+                                     std::array<Eigen::Matrix<W, 3, 3>, 3>& F) {
+  using Matrix3 = Eigen::Matrix<W, 3, 3>;
+  const Matrix3 cG = cofactors(G), cH = cofactors(H);
+  double a = G.col(0).dot(cG.col(0)), b = cG.cwiseProduct(H).sum(), c = cH.cwiseProduct(G).sum(),
+         d = H.col(0).dot(cH.col(0));
+  // A cubic form vanishes in three directions at most. Of G, H, G + H and G - H, the one in which it is
+  // largest becomes G, so that no root is at infinity or near it.
+  const double plus = a + b + c + d, minus = a - b + c - d;
+  if (std::max(std::abs(plus), std::abs(minus)) > std::max(std::abs(a), std::abs(d))) {
+    const Matrix3 sum = G + H;
+    H = G - H;
+    G = sum;
+    const double b_new = 3 * (a - d) + b - c, c_new = 3 * (a + d) - b - c;
+    a = plus, b = b_new, c = c_new, d = minus;
+  }
+  if (std::abs(d) > std::abs(a)) {
+    std::swap(a, d);
+    std::swap(b, c);
+    std::swap(G, H);
+  }
+  // The pencil's matrices have unit norm, the cubic a size of 1: less than this is rounding.
+  if (!(std::abs(a) > 1e-14)) return 0;
+  std::array<double, 3> t{};
+  const int n = real_roots(b / a, c / a, d / a, t);
+  for (int k = 0; k < n; ++k) {
+    Matrix3& m = F[static_cast<std::size_t>(k)];
+    for (int i = 0; i < 9; ++i) m.data()[i] = t[static_cast<std::size_t>(k)] * G.data()[i] + H.data()[i];
+    m /= m.norm();
   }
   return n;
 }
@@ -74,55 +94,55 @@ template <std::same_as<double> W = double>
 [[nodiscard]] int fundamental_seven_point(const std::type_identity_t<Eigen::Matrix<W, 3, 7>>& p,
                                           const std::type_identity_t<Eigen::Matrix<W, 3, 7>>& q,
                                           std::array<std::type_identity_t<Eigen::Matrix<W, 3, 3>>, 3>& F) {
-  std::array<std::array<double, 9>, 7> A;
-  for (std::size_t k = 0; k < 7; ++k) {
-    for (std::size_t i = 0; i < 9; ++i)
-      A[k][i] = q(static_cast<Eigen::Index>(i / 3), static_cast<Eigen::Index>(k)) *
+  // A^T, a match per column. Its rows are sorted by pivots: each match takes the unknown that it says most
+  // of, so that none is assumed to be independent of the others (of rectified views, two are the same).
+  std::array<std::array<double, 7>, 9> A;
+  std::array<std::size_t, 9> unknown{};
+  for (std::size_t i = 0; i < 9; ++i) {
+    unknown[i] = i;
+    for (std::size_t k = 0; k < 7; ++k)
+      A[i][k] = q(static_cast<Eigen::Index>(i / 3), static_cast<Eigen::Index>(k)) *
                 p(static_cast<Eigen::Index>(i % 3), static_cast<Eigen::Index>(k));
   }
-  for (std::size_t c = 0; c < 7; ++c) {  // to triangular form
+  for (std::size_t c = 0; c < 7; ++c) {  // A^T = P^T L U; the multipliers, none above 1, are L
     std::size_t pivot = c;
-    for (std::size_t r = c + 1; r < 7; ++r) {
+    for (std::size_t r = c + 1; r < 9; ++r) {
       if (std::abs(A[r][c]) > std::abs(A[pivot][c])) pivot = r;
     }
     if (!(std::abs(A[pivot][c]) > 1e-10)) return 0;
-    if (pivot != c) std::swap(A[pivot], A[c]);
+    if (pivot != c) {
+      std::swap(A[pivot], A[c]);
+      std::swap(unknown[pivot], unknown[c]);
+    }
     const double inverse = 1 / A[c][c];
-    for (std::size_t r = c + 1; r < 7; ++r) {
-      const double factor = A[r][c] * inverse;
-      for (std::size_t i = c + 1; i < 9; ++i) A[r][i] -= factor * A[c][i];
+    for (std::size_t r = c + 1; r < 9; ++r) {
+      A[r][c] *= inverse;
+      for (std::size_t i = c + 1; i < 7; ++i) A[r][i] -= A[r][c] * A[c][i];
     }
   }
-  // Two solutions: the last two unknowns (1, 0) and (0, 1).
+  // A f = 0 is L^T f = 0: two solutions, the last two unknowns being (1, 0) and (0, 1).
+  using Matrix3 = Eigen::Matrix<W, 3, 3>;
+  Matrix3 G, H;
   std::array<std::array<double, 9>, 2> f{};
   f[0][7] = f[1][8] = 1;
   for (std::size_t c = 7; c-- > 0;) {
-    double a = -A[c][7], b = -A[c][8];
-    for (std::size_t i = c + 1; i < 7; ++i) {
-      a -= A[c][i] * f[0][i];
-      b -= A[c][i] * f[1][i];
+    double x = A[7][c], y = A[8][c];
+    for (std::size_t r = c + 1; r < 7; ++r) {
+      x += A[r][c] * f[0][r];
+      y += A[r][c] * f[1][r];
     }
-    f[0][c] = a / A[c][c];
-    f[1][c] = b / A[c][c];
+    f[0][c] = -x;
+    f[1][c] = -y;
   }
-  using Matrix3 = Eigen::Matrix<W, 3, 3>;
-  Matrix3 G, H;
-  for (int i = 0; i < 9; ++i) {
-    G(i / 3, i % 3) = f[0][static_cast<std::size_t>(i)];
-    H(i / 3, i % 3) = f[1][static_cast<std::size_t>(i)];
+  for (std::size_t i = 0; i < 9; ++i) {
+    const auto row = static_cast<Eigen::Index>(unknown[i] / 3),
+               column = static_cast<Eigen::Index>(unknown[i] % 3);
+    G(row, column) = f[0][i];
+    H(row, column) = f[1][i];
   }
   G /= G.norm();
   H /= H.norm();
-  const Matrix3 cG = detail::cofactors(G), cH = detail::cofactors(H);
-  std::array<double, 3> t{};
-  const int n = detail::real_roots(G.col(0).dot(cG.col(0)), cG.cwiseProduct(H).sum(),
-                                   cH.cwiseProduct(G).sum(), H.col(0).dot(cH.col(0)), t);
-  for (int k = 0; k < n; ++k) {
-    Matrix3& m = F[static_cast<std::size_t>(k)];
-    for (int i = 0; i < 9; ++i) m.data()[i] = t[static_cast<std::size_t>(k)] * G.data()[i] + H.data()[i];
-    m /= m.norm();
-  }
-  return n;
+  return detail::singular_of_pencil<W>(G, H, F);
 }
 
 /// The H with q ~ H p for four matches, by way of the projective basis that each image's four points are.

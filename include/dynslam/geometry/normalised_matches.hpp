@@ -11,6 +11,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <numeric>
 #include <optional>
 #include <span>
 #include <vector>
@@ -19,54 +20,125 @@
 
 namespace dynslam::detail {
 
-/// Matches of two images as rows of numbers, each image's about its centroid and both by one scale, so that
+inline constexpr std::size_t kMatchBlock = 64;  ///< rows of floats are filled up to whole blocks
+[[nodiscard]] inline std::size_t padded(std::size_t n) {
+  return (n + kMatchBlock - 1) / kMatchBlock * kMatchBlock;
+}
+
+/// Middle one of the numbers, of which there must be one; they are reordered.
+[[nodiscard]] inline double median_of(std::vector<double>& numbers) {
+  const auto middle = numbers.begin() + static_cast<std::ptrdiff_t>(numbers.size() / 2);
+  std::nth_element(numbers.begin(), middle, numbers.end());
+  return *middle;
+}
+
+/// Sum over n matches, each worth 1 at most; in float, block by block. Numbers up to padded(n) are asked for.
+/// @param block  block(begin) gives a function of k, what the match begin + k is worth
+/// @return less than 0 as soon as more than `beaten` cannot be reached
+template <class Block>
+[[nodiscard]] float sum_of_worths(std::size_t n, float beaten, const Block& block) {
+  float total = 0;
+  for (std::size_t begin = 0; begin < n; begin += kMatchBlock) {
+    const auto value = block(begin);
+    std::array<float, kMatchBlock> values;
+    for (std::size_t i = 0; i < kMatchBlock; ++i) values[i] = value(i);
+    const std::size_t size = std::min(kMatchBlock, n - begin);
+    for (std::size_t i = size; i < kMatchBlock; ++i) values[i] = 0;
+    std::array<float, 8> lanes{};  // the same sum whatever a vector holds
+    for (std::size_t i = 0; i < kMatchBlock; i += 8) {
+      for (std::size_t k = 0; k < 8; ++k) lanes[k] += values[i + k];
+    }
+    total +=
+        ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
+    if (total + static_cast<float>(n - begin - size) <= beaten) return -1.0F;
+  }
+  return total;
+}
+
+/// Sum of n products, in four lanes: the same whatever a vector holds.
+[[nodiscard]] inline double dot_rows(std::size_t n, const double* a, const double* b) {
+  std::array<double, 4> lanes{};
+  const std::size_t fours = n / 4 * 4, twos = n / 2 * 2;
+  for (std::size_t i = 0; i < fours; i += 4) {
+    for (std::size_t k = 0; k < 4; ++k) lanes[k] += a[i + k] * b[i + k];
+  }
+  double even = lanes[0] + lanes[2], odd = lanes[1] + lanes[3];
+  if (fours < twos) {
+    even += a[fours] * b[fours];
+    odd += a[fours + 1] * b[fours + 1];
+  }
+  const double sum = even + odd;
+  return twos < n ? sum + a[twos] * b[twos] : sum;
+}
+
+/// Matches of two images as rows of numbers, each image's about its middle and both by one scale, so that
 /// distances are those in pixels times `scale`. Models are searched in these coordinates: in float, where
 /// thousands of distances are compared with a threshold, and solved for in double.
 class NormalisedMatches {
  public:
-  static constexpr std::size_t kBlock = 64;  ///< rows of floats are filled up to whole blocks
+  /// A match farther from the middle than so many times the spread is none that a camera saw, and is left
+  /// out: with it, fourth powers in float would not be numbers.
+  static constexpr double kFarthest = 1e6;
 
-  /// Numbers are kept in `memory`. @return false where the points coincide or are not finite
+  /// Centre and scale are medians, so that matches far away do not move the others together. Those that are
+  /// not finite or out of reach (kFarthest) are left out. Numbers are kept in `memory`.
+  /// @return false where the points coincide, or fewer than `least` are left
   template <std::floating_point S>
   [[nodiscard]] bool set(std::span<const Eigen::Matrix<S, 2, 1>> x,
-                         std::span<const Eigen::Matrix<S, 2, 1>> x_m, std::size_t n,
+                         std::span<const Eigen::Matrix<S, 2, 1>> x_m, std::size_t n, std::size_t least,
                          RansacWorkspace& memory) {
-    n_ = n;
-    padded_ = (n + kBlock - 1) / kBlock * kBlock;
-    mean_ = {};
-    const auto numbers = [&](std::size_t i) {
+    const auto numbers = [&](int k) {
+      const auto i = static_cast<std::size_t>(k);
       return std::array<double, 4>{static_cast<double>(x[i][0]), static_cast<double>(x[i][1]),
                                    static_cast<double>(x_m[i][0]), static_cast<double>(x_m[i][1])};
     };
-    for (std::size_t i = 0; i < n; ++i) {
+    auto& used = memory.index;
+    used.clear();
+    for (int i = 0; i < static_cast<int>(n); ++i) {
       const std::array<double, 4> v = numbers(i);
-      for (std::size_t r = 0; r < 4; ++r) mean_[r] += v[r];
+      if (std::all_of(v.begin(), v.end(), [](double a) { return std::isfinite(a); })) used.push_back(i);
     }
-    for (double& m : mean_) m /= static_cast<double>(n);
-    double spread = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-      std::array<double, 4> d = numbers(i);
-      for (std::size_t r = 0; r < 4; ++r) d[r] -= mean_[r];
-      spread += (d[0] * d[0] + d[1] * d[1]) + (d[2] * d[2] + d[3] * d[3]);
+    if (used.size() < least) return false;
+    auto& sorted = memory.sorted;
+    sorted.resize(used.size());
+    for (std::size_t r = 0; r < 4; ++r) {
+      std::transform(used.begin(), used.end(), sorted.begin(), [&](int i) { return numbers(i)[r]; });
+      centre_[r] = median_of(sorted);
     }
-    spread = std::sqrt(spread / static_cast<double>(n));
+    const auto distance = [&](int i) {
+      const std::array<double, 4> v = numbers(i);
+      double sum = 0;
+      for (std::size_t r = 0; r < 4; ++r) sum += (v[r] - centre_[r]) * (v[r] - centre_[r]);
+      return std::sqrt(sum);
+    };
+    std::transform(used.begin(), used.end(), sorted.begin(), distance);
+    double spread = median_of(sorted);
+    if (!(spread > 0)) {  // more than half in one place
+      spread = std::sqrt(std::inner_product(sorted.begin(), sorted.end(), sorted.begin(), 0.0) /
+                         static_cast<double>(sorted.size()));
+    }
     if (!(spread > 0) || !std::isfinite(spread)) return false;
-    scale_ = 2 / spread;  // a mean square of 2 for each point, as Hartley's
+    const auto out_of_reach = [&](int i) { return !(distance(i) <= kFarthest * spread); };
+    used.erase(std::remove_if(used.begin(), used.end(), out_of_reach), used.end());
+    if (used.size() < least) return false;
+    scale_ = 2 / spread;  // a median square of 2 for each point, as the mean of Hartley's
+    n_ = used.size();
+    padded_ = padded(n_);
     memory.coarse.assign(4 * padded_, 0.0F);
-    memory.fine.resize(kRows * n);
+    memory.fine.resize(kRows * n_);
     coarse_ = memory.coarse.data();
     fine_ = memory.fine.data();
-    for (std::size_t i = 0; i < n; ++i) {
-      std::array<double, 4> values = numbers(i);
+    for (std::size_t i = 0; i < n_; ++i) {
+      std::array<double, 4> values = numbers(used[i]);
       for (std::size_t r = 0; r < 4; ++r) {
-        values[r] = scale_ * (values[r] - mean_[r]);
+        values[r] = scale_ * (values[r] - centre_[r]);
         memory.coarse[r * padded_ + i] = static_cast<float>(values[r]);
-        memory.fine[r * n + i] = values[r];
+        memory.fine[r * n_ + i] = values[r];
       }
-      memory.fine[4 * n + i] = values[0] * values[0];
-      memory.fine[5 * n + i] = values[0] * values[1];
-      memory.fine[6 * n + i] = values[1] * values[1];
-      memory.fine[7 * n + i] = 1;
+      memory.fine[4 * n_ + i] = values[0] * values[0];
+      memory.fine[5 * n_ + i] = values[0] * values[1];
+      memory.fine[6 * n_ + i] = values[1] * values[1];
+      memory.fine[7 * n_ + i] = 1;
     }
     return true;
   }
@@ -84,12 +156,12 @@ class NormalisedMatches {
   }
   /// Normalised from recorded pixels: of the first and of the second image.
   [[nodiscard]] Eigen::Matrix3d T() const {
-    return similarity(scale_, -scale_ * mean_[0], -scale_ * mean_[1]);
+    return similarity(scale_, -scale_ * centre_[0], -scale_ * centre_[1]);
   }
   [[nodiscard]] Eigen::Matrix3d T_m() const {
-    return similarity(scale_, -scale_ * mean_[2], -scale_ * mean_[3]);
+    return similarity(scale_, -scale_ * centre_[2], -scale_ * centre_[3]);
   }
-  [[nodiscard]] Eigen::Matrix3d T_m_inverse() const { return similarity(1 / scale_, mean_[2], mean_[3]); }
+  [[nodiscard]] Eigen::Matrix3d T_m_inverse() const { return similarity(1 / scale_, centre_[2], centre_[3]); }
 
   /// Row of x, y, x_m, y_m (0 to 3) in double or, filled up with zeros, in float.
   [[nodiscard]] const double* fine(std::size_t r) const { return fine_ + r * n_; }
@@ -97,8 +169,9 @@ class NormalisedMatches {
 
   /// Sum of weight_i p_i p_i^T over the points of the first image, p being homogeneous.
   [[nodiscard]] Eigen::Matrix3d moments(const double* weight) const {
-    const double xx = dot(weight, fine(4)), xy = dot(weight, fine(5)), yy = dot(weight, fine(6)),
-                 x = dot(weight, fine(0)), y = dot(weight, fine(1)), one = dot(weight, fine(7));
+    const double xx = dot_rows(n_, weight, fine(4)), xy = dot_rows(n_, weight, fine(5)),
+                 yy = dot_rows(n_, weight, fine(6)), x = dot_rows(n_, weight, fine(0)),
+                 y = dot_rows(n_, weight, fine(1)), one = dot_rows(n_, weight, fine(7));
     Eigen::Matrix3d M;
     M(0, 0) = xx;
     M(1, 1) = yy;
@@ -109,27 +182,14 @@ class NormalisedMatches {
     return M;
   }
 
-  /// Sum of value(x, y, x_m, y_m) over the matches, each at most 1; in float, block by block.
-  /// @return less than 0 as soon as more than `beaten` cannot be reached
+  /// Sum of value(x, y, x_m, y_m) over the matches: sum_of_worths().
   template <class Value>
   [[nodiscard]] float sum(float beaten, const Value& value) const {
-    float total = 0;
-    for (std::size_t begin = 0; begin < n_; begin += kBlock) {
+    return sum_of_worths(n_, beaten, [&](std::size_t begin) {
       const float *x = coarse(0) + begin, *y = coarse(1) + begin, *x_m = coarse(2) + begin,
                   *y_m = coarse(3) + begin;
-      std::array<float, kBlock> values;
-      for (std::size_t i = 0; i < kBlock; ++i) values[i] = value(x[i], y[i], x_m[i], y_m[i]);
-      const std::size_t size = std::min(kBlock, n_ - begin);
-      for (std::size_t i = size; i < kBlock; ++i) values[i] = 0;
-      std::array<float, 8> lanes{};  // the same sum whatever a vector holds
-      for (std::size_t i = 0; i < kBlock; i += 8) {
-        for (std::size_t k = 0; k < 8; ++k) lanes[k] += values[i + k];
-      }
-      total +=
-          ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
-      if (total + static_cast<float>(n_ - begin - size) <= beaten) return -1.0F;
-    }
-    return total;
+      return [x, y, x_m, y_m, &value](std::size_t i) { return value(x[i], y[i], x_m[i], y_m[i]); };
+    });
   }
 
  private:
@@ -141,24 +201,8 @@ class NormalisedMatches {
     T(1, 2) = y;
     return T;
   }
-  /// Sum of products, in four lanes: the same whatever a vector holds.
-  [[nodiscard]] double dot(const double* a, const double* b) const {
-    std::array<double, 4> lanes{};
-    const std::size_t fours = n_ / 4 * 4, twos = n_ / 2 * 2;
-    for (std::size_t i = 0; i < fours; i += 4) {
-      for (std::size_t k = 0; k < 4; ++k) lanes[k] += a[i + k] * b[i + k];
-    }
-    double even = lanes[0] + lanes[2], odd = lanes[1] + lanes[3];
-    if (fours < twos) {
-      even += a[fours] * b[fours];
-      odd += a[fours + 1] * b[fours + 1];
-    }
-    const double sum = even + odd;
-    return twos < n_ ? sum + a[twos] * b[twos] : sum;
-  }
-
   std::size_t n_ = 0, padded_ = 0;
-  std::array<double, 4> mean_{};  // of x, y, x_m, y_m
+  std::array<double, 4> centre_{};  // of x, y, x_m, y_m
   double scale_ = 1;
   const float* coarse_ = nullptr;
   const double* fine_ = nullptr;
@@ -168,13 +212,13 @@ class NormalisedMatches {
 // for no compiler.
 
 /// Row by row in a vector, and back.
-template <std::same_as<double> W>
+template <std::floating_point W>
 [[nodiscard]] Eigen::Matrix<W, 9, 1> as_vector(const Eigen::Matrix<W, 3, 3>& m) {
   Eigen::Matrix<W, 9, 1> v;
   for (int i = 0; i < 9; ++i) v[i] = m(i / 3, i % 3);
   return v;
 }
-template <std::same_as<double> W>
+template <std::floating_point W>
 [[nodiscard]] Eigen::Matrix<W, 3, 3> as_matrix(const Eigen::Matrix<W, 9, 1>& v) {
   Eigen::Matrix<W, 3, 3> m;
   for (int i = 0; i < 9; ++i) m(i / 3, i % 3) = v[i];

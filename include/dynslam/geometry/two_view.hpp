@@ -4,6 +4,7 @@
 #include "dynslam/push_macros.hpp"
 
 #include <Eigen/Core>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <concepts>
@@ -16,6 +17,8 @@
 #include "dynslam/geometry/epipolar.hpp"
 #include "dynslam/geometry/homography.hpp"
 #include "dynslam/geometry/ideal_pinhole.hpp"
+#include "dynslam/geometry/pixel_ray.hpp"
+#include "dynslam/geometry/ray_consensus.hpp"
 
 namespace dynslam {
 
@@ -29,7 +32,7 @@ enum class TwoViewModel : std::uint8_t {
 /// Options of two_view_geometry().
 template <std::floating_point S>
 struct TwoViewOptions {
-  RansacOptions<S> ransac;  ///< of both models; thresholds in ideal pixels
+  RansacOptions<S> ransac;  ///< of both models; thresholds in recorded pixels
   /// Off H by more than this, a match is off the plane [px]: parallax that the noise of matches (a few
   /// tenths of a pixel) and the error of H, which is estimated from them, do not explain.
   S min_parallax_px = S(3);
@@ -44,66 +47,59 @@ template <std::floating_point S>
 struct TwoViewResult {
   TwoViewModel model = TwoViewModel::none;
   Eigen::Matrix<S, 3, 3> matrix = Eigen::Matrix<S, 3, 3>::Zero();  ///< H or F, of ideal pixels
-  /// Of each match [ideal px]: to its epipolar line or to H x. NaN where the lens has no ray, and for `none`.
+  /// Of each match [recorded px]: to its epipolar curve or to H x. NaN for invalid ones, and for `none`.
   std::vector<S> distance_px;
-  int inliers = 0;     ///< of the model
-  S off_plane = S(0);  ///< share of F's inliers that the plane does not explain
+  std::vector<std::uint8_t> invalid;  ///< 1: not finite, or the lens has no ray there; nothing can be said
+  int inliers = 0;                    ///< of the model
+  S off_plane = S(0);                 ///< share of F's inliers that the plane does not explain
   [[nodiscard]] bool ok() const { return model != TwoViewModel::none; }
 };
 
 /// Memory of two_view_geometry.
 template <std::floating_point S>
 struct TwoViewWorkspace {
-  std::vector<Eigen::Matrix<S, 2, 1>> x, x_m;  // ideal pixels of the matches that have them
+  std::vector<PixelRay<double>> x, x_m;  // of the matches that have them
   std::vector<std::size_t> match;
   RansacWorkspace ransac;
 };
 
-/// Decides between F and H for two views and gives each match's distance to the model, which is what tells
-/// moving points from static ones (Eq 8).
-///
-/// Of a planar scene, and of one seen with hardly any baseline, F is not determined: estimated all the same
-/// it follows noise and puts lines anywhere, also away from static points. H then says all that can be
-/// said, and more: where a point is, not only on which line. Both are estimated by RANSAC, and F is taken
-/// where at least `min_off_plane` of its inliers contradict H. Scores of the whole set (GRIC, Torr 1998, or
-/// ORB-SLAM's ratio) weigh outliers, too, to which F, having one constraint less, is always kinder: at 40 %
-/// outliers GRIC takes F for planes. Among inliers alone GRIC's preference turns at a fifth off the plane;
-/// a tenth is taken here, as F, if wrong, only misses movers, while H, if wrong, accuses static points.
-/// @param x, x_m  recorded pixels of the matches in the reference and the current image
-template <CameraModel C>
-  requires std::floating_point<typename C::ScalarType>
-[[nodiscard]] TwoViewResult<typename C::ScalarType> two_view_geometry(
-    const C& camera, std::span<const Eigen::Matrix<typename C::ScalarType, 2, 1>> x,
-    std::span<const Eigen::Matrix<typename C::ScalarType, 2, 1>> x_m,
-    const TwoViewOptions<typename C::ScalarType>& options,
-    TwoViewWorkspace<typename C::ScalarType>& workspace) {
-  using S = typename C::ScalarType;
-  using Points = std::span<const Eigen::Matrix<S, 2, 1>>;
-  TwoViewResult<S> result;
-  const std::size_t n = std::min(x.size(), x_m.size());
-  result.distance_px.assign(n, std::numeric_limits<S>::quiet_NaN());
-  const Pinhole<S> pinhole = ideal_pinhole(camera);
-  workspace.x.clear();
-  workspace.x_m.clear();
-  workspace.match.clear();
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto a = to_ideal(camera, pinhole, x[i]), b = to_ideal(camera, pinhole, x_m[i]);
-    if (!a || !b) continue;
-    workspace.x.push_back(*a);
-    workspace.x_m.push_back(*b);
-    workspace.match.push_back(i);
+namespace detail {
+
+template <Scalar S>
+[[nodiscard]] PixelRay<double> ray_in_double(const PixelRay<S>& ray) {
+  return {ray.ray.template cast<double>(), ray.J.template cast<double>(),
+          ray.per_pixel.template cast<double>()};
+}
+
+/// The model of rays, its matrix being that of rays, too.
+struct RayModel {
+  TwoViewModel model = TwoViewModel::none;
+  Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();
+  int inliers = 0;
+  double off_plane = 0;
+
+  /// Of a match [recorded px].
+  [[nodiscard]] double distance(const PixelRay<double>& x, const PixelRay<double>& x_m) const {
+    return model == TwoViewModel::fundamental ? epipolar_distance<double>(matrix, x, x_m)
+                                              : std::sqrt(transfer_distance_squared<double>(matrix, x, x_m));
   }
-  const Points p(workspace.x), q(workspace.x_m);
-  const auto H = homography_ransac<S>(p, q, options.ransac, workspace.ransac);
-  const auto F = fundamental_ransac<S>(p, q, options.ransac, workspace.ransac);
-  const S far = options.min_parallax_px * options.min_parallax_px;
+};
+
+template <std::same_as<double> W = double>
+[[nodiscard]] RayModel model_of_rays(std::span<const PixelRay<double>> x,
+                                     std::span<const PixelRay<double>> x_m, const TwoViewOptions<W>& options,
+                                     RansacWorkspace& workspace) {
+  RayModel result;
+  const auto H = homography_ransac(x, x_m, options.ransac, workspace);
+  const auto F = fundamental_ransac(x, x_m, options.ransac, workspace);
+  const double far = options.min_parallax_px * options.min_parallax_px;
   int off = 0;
   if (F.status == FundamentalStatus::ok) {
-    for (std::size_t k = 0; k < p.size(); ++k) {
-      const bool explained = H.model && transfer_distance_squared<S>(*H.model, p[k], q[k]) <= far;
+    for (std::size_t k = 0; k < F.inlier.size(); ++k) {
+      const bool explained = H.model && transfer_distance_squared<double>(*H.model, x[k], x_m[k]) <= far;
       off += F.inlier[k] != 0 && !explained ? 1 : 0;
     }
-    result.off_plane = static_cast<S>(off) / static_cast<S>(F.inliers);
+    result.off_plane = static_cast<double>(off) / static_cast<double>(F.inliers);
   }
   if (F.status == FundamentalStatus::ok && result.off_plane >= options.min_off_plane) {
     result.model = TwoViewModel::fundamental;
@@ -114,17 +110,75 @@ template <CameraModel C>
     result.matrix = *H.model;
     result.inliers = H.inliers;
   }
-  for (std::size_t k = 0; k < p.size() && result.ok(); ++k) {
-    result.distance_px[workspace.match[k]] =
-        result.model == TwoViewModel::fundamental
-            ? line_distance<S>(result.matrix, p[k], q[k])
-            : std::sqrt(transfer_distance_squared<S>(result.matrix, p[k], q[k]));
+  return result;
+}
+
+}  // namespace detail
+
+/// Decides between F and H for two views and gives each match's distance to the model, which is what tells
+/// moving points from static ones (Eq 8). Both are models of rays, so that any lens and any angle will do,
+/// and distances are first-order ones in recorded pixels: in those of an ideal pinhole, noise would grow with
+/// 1 / cos^2 of the angle from the axis.
+///
+/// Of a planar scene, and of one seen with hardly any baseline, F is not determined: estimated all the same
+/// it follows noise and puts lines anywhere, also away from static points. H then says all that can be
+/// said, and more: where a point is, not only on which line. Both are estimated by RANSAC, and F is taken
+/// where at least `min_off_plane` of its inliers contradict H. Scores of the whole set (GRIC, Torr 1998, or
+/// ORB-SLAM's ratio) weigh outliers, too, to which F, having one constraint less, is always kinder: at 40 %
+/// outliers GRIC takes F for planes. Among inliers alone GRIC's preference turns at a fifth off the plane;
+/// a tenth is taken here, as F, if wrong, only misses movers, while H, if wrong, accuses static points.
+/// @param camera  any with a derivative
+/// @param x, x_m  recorded pixels of the matches in the reference and the current image
+template <DifferentiableCamera C>
+  requires std::floating_point<typename C::ScalarType>
+[[nodiscard]] TwoViewResult<typename C::ScalarType> two_view_geometry(
+    const C& camera, std::span<const Eigen::Matrix<typename C::ScalarType, 2, 1>> x,
+    std::span<const Eigen::Matrix<typename C::ScalarType, 2, 1>> x_m,
+    const TwoViewOptions<typename C::ScalarType>& options,
+    TwoViewWorkspace<typename C::ScalarType>& workspace) {
+  using S = typename C::ScalarType;
+  TwoViewResult<S> result;
+  const std::size_t n = std::min(x.size(), x_m.size());
+  result.distance_px.assign(n, std::numeric_limits<S>::quiet_NaN());
+  result.invalid.assign(n, 0);
+  workspace.x.clear();
+  workspace.x_m.clear();
+  workspace.match.clear();
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto a = pixel_ray_at(camera, x[i]), b = pixel_ray_at(camera, x_m[i]);
+    result.invalid[i] = a && b ? 0 : 1;
+    if (!a || !b) continue;
+    workspace.x.push_back(detail::ray_in_double(*a));
+    workspace.x_m.push_back(detail::ray_in_double(*b));
+    workspace.match.push_back(i);
   }
+  RansacOptions<double> ransac;
+  ransac.threshold_px = static_cast<double>(options.ransac.threshold_px);
+  ransac.confidence = static_cast<double>(options.ransac.confidence);
+  ransac.max_iterations = options.ransac.max_iterations;
+  ransac.min_inliers = options.ransac.min_inliers;
+  ransac.refinements = options.ransac.refinements;
+  ransac.seed = options.ransac.seed;
+  const TwoViewOptions<double> in_double{ransac, static_cast<double>(options.min_parallax_px),
+                                         static_cast<double>(options.min_off_plane)};
+  const auto found = detail::model_of_rays(workspace.x, workspace.x_m, in_double, workspace.ransac);
+  result.model = found.model;
+  result.inliers = found.inliers;
+  result.off_plane = static_cast<S>(found.off_plane);
+  if (!result.ok()) return result;
+  const Eigen::Matrix3d K = ideal_pinhole(camera).template cast<double>().K(), K_inverse = K.inverse();
+  Eigen::Matrix3d matrix = result.model == TwoViewModel::fundamental
+                               ? Eigen::Matrix3d(K_inverse.transpose() * found.matrix * K_inverse)
+                               : Eigen::Matrix3d(K * found.matrix * K_inverse);
+  matrix /= matrix.norm();
+  result.matrix = matrix.cast<S>();
+  for (std::size_t k = 0; k < workspace.match.size(); ++k)
+    result.distance_px[workspace.match[k]] = static_cast<S>(found.distance(workspace.x[k], workspace.x_m[k]));
   return result;
 }
 
 /// The same with default options and its own memory.
-template <CameraModel C>
+template <DifferentiableCamera C>
   requires std::floating_point<typename C::ScalarType>
 [[nodiscard]] TwoViewResult<typename C::ScalarType> two_view_geometry(
     const C& camera, std::span<const Eigen::Matrix<typename C::ScalarType, 2, 1>> x,

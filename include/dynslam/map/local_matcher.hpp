@@ -273,7 +273,7 @@ class LocalMatcher {
   template <DepthImage D>
   void move(Feature& f, const PatchMatch<S>& match, const D& depth) const {
     f.octave = match.level;
-    f.sigma = options_.patch_sigma * scale(match.level);
+    f.sigma = options_.patch_sigma * scale(match.level) * placer_.stretch(match.x);
     placer_.place(f, match.x, depth);
   }
 

@@ -7,6 +7,7 @@
 #include <array>
 #include <concepts>
 #include <cstddef>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -24,12 +25,18 @@ class BandedSystem {
   /// Element (i + k, i), k <= Band, i + k < size().
   [[nodiscard]] S& at(std::size_t i, std::size_t k) { return rows_[i][k]; }
 
-  /// Takes the matrix apart into L D L^T, in its place. @return false where it is not positive definite
+  /// Takes the matrix apart into L D L^T, in its place.
+  /// @return false where it is not positive definite by more than rounding: some pivot is not above 10
+  /// epsilon
+  ///         of the element it was on the diagonal, or a number is not finite. Nothing may be solved then.
   [[nodiscard]] bool factor() {
     const std::size_t n = rows_.size();
+    diagonal_.resize(n);
+    for (std::size_t i = 0; i < n; ++i) diagonal_[i] = rows_[i][0];
     for (std::size_t i = 0; i < n; ++i) {
       Row& row = rows_[i];
-      if (!(row[0] > S(0))) return false;
+      const S least = S(10) * std::numeric_limits<S>::epsilon() * diagonal_[i];
+      if (!(diagonal_[i] > S(0) && row[0] > least && row[0] <= std::numeric_limits<S>::max())) return false;
       for (std::size_t j = 1; j <= Band && i + j < n; ++j) {
         const S l = row[j] / row[0];
         for (std::size_t k = j; k <= Band && i + k < n; ++k) rows_[i + j][k - j] -= l * row[k];
@@ -75,6 +82,7 @@ class BandedSystem {
  private:
   using Row = std::array<S, Band + 1>;
   std::vector<Row> rows_, inverse_;
+  std::vector<S> diagonal_;
 };
 
 }  // namespace dynslam

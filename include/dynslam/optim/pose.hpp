@@ -133,7 +133,9 @@ class PoseProblem {
     if (!std::isfinite(cost)) {  // inliers that the camera does not see from here cannot be inliers
       Eigen::Matrix<S, 3, 1> r;
       for (std::size_t i = 0; i < observations_.size(); ++i) {
-        if (!residual(i, r) || !r.allFinite()) ws_.inlier[i] = 0;
+        const PoseObservation<S>& o = observations_[i];
+        if (!residual(i, r) || !std::isfinite(chi2(o, r, has_depth(o), pixel_information_)))
+          ws_.inlier[i] = 0;
       }
       cost = linearise_at(T_, turn_, system_);
     }
@@ -151,7 +153,7 @@ class PoseProblem {
       const bool visible = residual(i, r);
       const S s = visible ? chi2(o, r, depth, pixel_information_) : std::numeric_limits<S>::infinity();
       ws_.inlier[i] = s < (depth ? options_.inlier_chi2_3d : options_.inlier_chi2_2d) ? 1 : 0;
-      ws_.weight[i] = visible ? kernel_.weight(s) : S(0);
+      ws_.weight[i] = std::isfinite(s) ? kernel_.weight(s) : S(0);
       if (ws_.inlier[i] != 0) {
         ++inliers;
         sum.add(s);
@@ -231,7 +233,8 @@ class PoseProblem {
     for (std::size_t i = 0; i < observations_.size(); ++i) {
       const PoseObservation<S>& o = observations_[i];
       if (ws_.inlier[i] == 0 || !residual(i, r)) continue;
-      ws_.scratch.push_back(o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y()));
+      const S s = o.inv_sigma_px2 * (r.x() * r.x() + r.y() * r.y());
+      if (std::isfinite(s)) ws_.scratch.push_back(s);  // no order with what is not a number
     }
     if (ws_.scratch.empty()) return S(1);
     const auto middle = ws_.scratch.begin() + static_cast<std::ptrdiff_t>(ws_.scratch.size() / 2);

@@ -66,14 +66,24 @@ template <Scalar S>
   return measures_depth(o.depth, o.inv_sigma_z2);
 }
 
-/// Residual [u - x_u, v - x_v, p_z - depth] of the camera-frame point p.
+namespace detail {
+/// p_z - depth; 0 where the depth is no number (NaN is how images say that they have none), so that it may be
+/// added with a weight of 0.
+template <Scalar S>
+[[nodiscard]] S depth_difference(const S& z, const S& depth) {
+  return depth - depth == S(0) ? S(z - depth) : S(0);
+}
+}  // namespace detail
+
+/// Residual [u - x_u, v - x_v, p_z - depth] of the camera-frame point p; the last is 0 where the depth is not
+/// finite.
 /// @return false when the camera does not see the point
 template <Scalar S, CameraOf<S> Camera>
 [[nodiscard]] bool point_residual(const Camera& camera, const std::type_identity_t<Eigen::Matrix<S, 3, 1>>& p,
                                   const PoseObservation<S>& o, Eigen::Matrix<S, 3, 1>& r) {
   const auto x = camera.project(p);
   if (!x) return false;
-  r = Eigen::Matrix<S, 3, 1>(x->x() - o.x.x(), x->y() - o.x.y(), p.z() - o.depth);
+  r = Eigen::Matrix<S, 3, 1>(x->x() - o.x.x(), x->y() - o.x.y(), detail::depth_difference<S>(p.z(), o.depth));
   return true;
 }
 
@@ -85,7 +95,7 @@ template <Scalar S, DifferentiableCameraOf<S> Camera>
                                   std::type_identity_t<Eigen::Matrix<S, 2, 3>>* dx) {
   const auto x = camera.project(p, dx);
   if (!x) return false;
-  r = Eigen::Matrix<S, 3, 1>(x->x() - o.x.x(), x->y() - o.x.y(), p.z() - o.depth);
+  r = Eigen::Matrix<S, 3, 1>(x->x() - o.x.x(), x->y() - o.x.y(), detail::depth_difference<S>(p.z(), o.depth));
   return true;
 }
 

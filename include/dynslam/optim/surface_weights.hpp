@@ -33,7 +33,7 @@ struct SurfaceOptions {
 /// place's surface grows with z^2, but so does the noise of its depth; z is between the two.
 /// @param width, height  of the image [px]
 /// @param T_c_w  rough pose, for depths that were not measured
-/// @param out    one positive weight per observation [places x m]
+/// @param out    one positive weight per observation [places x m], also of one that is not finite
 template <std::floating_point S>
 void surface_weights(int width, int height, const SE3<S>& T_c_w,
                      std::span<const PoseObservation<std::type_identity_t<S>>> observations,
@@ -58,8 +58,9 @@ void surface_weights(int width, int height, const SE3<S>& T_c_w,
   }
   for (std::size_t k = 0; k < out.size(); ++k) {
     const PoseObservation<S>& o = observations[k];
+    // In this order, so that what is not a number is as far as may be: one bad point spoils its weight alone.
     const S z =
-        std::min(is_valid_depth(o.depth) ? o.depth : std::abs((T_c_w * o.p_w).z()), options.max_depth);
+        std::min(options.max_depth, is_valid_depth(o.depth) ? o.depth : std::abs((T_c_w * o.p_w).z()));
     out[k] *= z;
   }
 }

@@ -98,7 +98,7 @@ struct RansacWorkspace {
   std::vector<std::uint8_t> flags;
   std::vector<int> index;
   std::vector<float> coarse;  // of normalised matches
-  std::vector<double> fine;
+  std::vector<double> fine, sorted;
 };
 
 /// What a RANSAC over matches found.

@@ -142,8 +142,9 @@ void Tracker::extract(Present& now) {
   frame.features.resize(keypoints.size());
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
     const cv::KeyPoint& k = keypoints[i];
-    frame.features[i] = {
-        .u = k.pt.x, .v = k.pt.y, .angle = k.angle, .octave = k.octave, .sigma = extractor_.scale(k.octave)};
+    const float sigma = extractor_.scale(k.octave) *
+                        matcher_.placer().stretch(Eigen::Vector2f(k.pt.x, k.pt.y).cast<double>());
+    frame.features[i] = {.u = k.pt.x, .v = k.pt.y, .angle = k.angle, .octave = k.octave, .sigma = sigma};
   }
   matcher_.placer().place(std::span<Feature>(frame.features), now.depth);
   frame.point.assign(frame.features.size(), -1);
