@@ -114,6 +114,7 @@ void list(FieldList& f, MapScanOptions& o) {
 void list(FieldList& f, SemanticMapperOptions& o) {
   // left out: resolution: [general] map_resolution
   // left out: max_bytes: [general] map_memory
+  // left out: classes: [segmentation.segmenter] map_classes, and those of the map that a run goes on in
   // left out: retain_scans: a run's map follows corrected poses and needs its scans
   f("queue", o.queue, "keyframes", "keyframes that may wait with their images", between(1, 1000));
   f("scans_per_view", o.scans_per_view, "", "scans kept of one view; 0: all", kCount);
