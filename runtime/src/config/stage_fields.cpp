@@ -45,10 +45,20 @@ void list(FieldList& f, SegmenterOptions& o) {
     choice(o.kind, {ModelKind::automatic, ModelKind::yolo, ModelKind::mask_rcnn, ModelKind::semantic},
            &parse_model_kind, [](ModelKind kind) { return to_string(kind); }),
     "what the network's outputs mean");
+  f("output",
+    choice(o.output,
+           {ModelOutput::automatic, ModelOutput::labels, ModelOutput::logits, ModelOutput::probability,
+            ModelOutput::mask},
+           &parse_model_output, [](ModelOutput output) { return to_string(output); }),
+    "what the only channel of a semantic network holds");
+  f("output_name", o.output_name, "", "output that is the segmentation; empty: found by name and shape");
+  // left out: labels: those of the map that a run goes on in
   f("threads", o.threads, "", "threads of the network", between(1, 64));
   f("dynamic_classes", o.dynamic_classes, "", "names of classes that move by themselves");
   f("map_classes", o.map_classes, "",
-    "names of classes that the map labels; empty: chairs and displays, as far as the model has them");
+    "names of classes that the map labels, four of them beside chairs and displays; empty: chairs and "
+    "displays, "
+    "as far as the model has them");
   f("input", o.input, "px", "width and height of the network's input where it leaves them open",
     between(16, 8192));
   f.table("detection", o.detection);
