@@ -38,19 +38,19 @@ const char* name(Occupancy state) {
   return "unknown";
 }
 
-nlohmann::json to_json(const MapVoxel& voxel) {
+nlohmann::json to_json(const MapVoxel& voxel, const rt::MapClasses& classes) {
   nlohmann::json j{{"state", name(voxel.state)}};
   if (voxel.state == Occupancy::unknown) return j;
   j["probability"] = log_odds_to_probability(static_cast<double>(voxel.log_odds));
   if (voxel.state == Occupancy::occupied) {
-    j["class"] = rt::class_name(voxel.label);
+    j["class"] = classes.name(voxel.label);
     j["confidence"] = voxel.confidence;
   }
   return j;
 }
 
-nlohmann::json to_json(const MapCell& cell) {
-  nlohmann::json j = to_json(cell.voxel);
+nlohmann::json to_json(const MapCell& cell, const rt::MapClasses& classes) {
+  nlohmann::json j = to_json(cell.voxel, classes);
   j["centre_m"] = {cell.centre.x(), cell.centre.y(), cell.centre.z()};
   j["edge_m"] = cell.edge;
   return j;
@@ -149,12 +149,12 @@ bool MapCommand::chosen() const {
 int MapCommand::run() const {
   const Options& o = *o_;
   if (*o.info) {
-    const rt::MapSummary summary = rt::summarize(*rt::load_map(o.file));
+    const rt::MapSummary summary = rt::summarize(*rt::load_map(o.file), rt::load_map_classes(o.file));
     std::cout << (o.json ? rt::to_json(summary).dump() + "\n" : rt::to_text(summary));
     return 0;
   }
   if (*o.exporter) {
-    rt::export_map(*rt::load_map(o.file), o.out);
+    rt::export_map(*rt::load_map(o.file), o.out, rt::load_map_classes(o.file));
     return 0;
   }
   if (*o.render) {
@@ -173,13 +173,14 @@ int MapCommand::Options::run_query() const {
     throw rt::UsageError("map query needs a question: --at, --box, --ray or --nearest");
   if (!(range > 0)) throw rt::UsageError("--range must be above 0");
   const auto tree = rt::load_map(file);
+  const rt::MapClasses names = rt::load_map_classes(file);
   const double edge = tree->getResolution();
   const int level =
       cell > edge ? std::min(kVoxelLevels - 1, static_cast<int>(std::lround(std::log2(cell / edge)))) : 0;
 
   nlohmann::json answer;
   if (!at.empty()) {
-    answer = to_json(query_point(*tree, point(at), level));
+    answer = to_json(query_point(*tree, point(at), level), names);
   } else if (!ray.empty()) {
     const Eigen::Vector3d direction = point(ray, 3);
     if (!(direction.norm() > 0)) throw rt::UsageError("--ray: the direction is zero");
@@ -187,7 +188,7 @@ int MapCommand::Options::run_query() const {
                               {.max_range = range, .stop_at_unknown = unknown_blocks, .level = level});
     if (!hit.ok()) throw rt::UsageError("--ray: does not begin in the map's grid");
     if (hit.blocked()) {
-      answer = to_json(hit.cell);
+      answer = to_json(hit.cell, names);
       answer["distance_m"] = hit.distance;
     } else {
       answer = {{"state", "free"}, {"distance_m", range}};
@@ -196,7 +197,7 @@ int MapCommand::Options::run_query() const {
     const auto found = nearest_obstacle(*tree, point(nearest), range, level);
     if (!found.ok()) throw rt::UsageError("--nearest: is no point");
     if (found.found()) {
-      answer = to_json(found.cell);
+      answer = to_json(found.cell, names);
       answer["distance_m"] = found.cell.distance;
     } else {
       answer = {{"state", "none"}, {"distance_m", range}};
@@ -206,7 +207,7 @@ int MapCommand::Options::run_query() const {
     std::map<std::string, std::size_t> cells;
     std::size_t total = 0;
     query_box(*tree, a.cwiseMin(b), a.cwiseMax(b), level, [&](const auto& c) {
-      ++cells[rt::class_name(c.voxel.label)];
+      ++cells[names.name(c.voxel.label)];
       ++total;
     });
     answer = {{"occupied_cells", total}, {"edge_m", tree->grid().edge(level)}, {"classes", cells}};

@@ -12,6 +12,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "constant_onnx.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/nets/segmentation_stage.hpp"
@@ -107,14 +108,113 @@ TEST_CASE("names come from the metadata or a sidecar, and choose what is dynamic
     CHECK(masks.dynamic.at<std::uint8_t>(250, 160) == 255);
     CHECK(masks.labels.at<std::uint8_t>(250, 350) == 0);  // chairs were not asked for
     CHECK(masks.labels.at<std::uint8_t>(100, 500) == static_cast<int>(Label::display));
-    o.map_classes = {"wall"};
-    CHECK(error_of(o).find("--map-classes wall") != std::string::npos);
+    o.map_classes = {"door"};
+    CHECK(error_of(o).find("has no class 'door'; it has: wall, dog, chair, tv") != std::string::npos);
   }
+  // What the network says of itself comes first; FILE.names and FILE.onnx.names serve a file that says
+  // nothing.
   std::ofstream(folder.path / "named.names") << "a\nb\r\nperson\nc\n";
-  o = options_for(folder.path / "named.onnx");
-  CHECK(OnnxSegmenter(o).segment(scene()).dynamic.at<std::uint8_t>(250, 350) == 255);
-  std::ofstream(folder.path / "named.names") << "a\nb\n";
-  CHECK(error_of(o).find("has 4 classes and names for 2") != std::string::npos);
+  CHECK(error_of(options_for(folder.path / "named.onnx")).find("it has: wall, dog") != std::string::npos);
+  test::write_onnx(folder.path / "bare.onnx", test::colour_network());
+  o = options_for(folder.path / "bare.onnx");
+  for (const char* name : {"bare.names", "bare.onnx.names"}) {
+    CAPTURE(name);
+    const fs::path names = folder.path / name;
+    std::ofstream(names) << "a\nb\r\nperson\nc\n";
+    OnnxSegmenter segmenter(o);
+    CHECK(segmenter.segment(scene()).dynamic.at<std::uint8_t>(250, 350) == 255);
+    CHECK(segmenter.describe().find("named by " + names.string()) != std::string::npos);
+    std::ofstream(names) << "a\nb\n";
+    CHECK(error_of(o).find("has 4 classes and names for 2") != std::string::npos);
+    fs::remove(names);
+  }
+}
+
+TEST_CASE("any class of a network gets a label of the map, beside those that the map has") {
+  const test::TemporaryFolder folder;
+  test::TinyNetwork network = test::colour_network();
+  network.metadata.emplace_back("names", "{0: 'floor', 1: 'person', 2: 'pallet', 3: 'door'}");
+  test::write_onnx(folder.path / "own.onnx", network);
+  SegmenterOptions o = options_for(folder.path / "own.onnx");
+  o.map_classes = {"pallet", "door"};
+  const Masks first = OnnxSegmenter(o).segment(scene());
+  CHECK(first.labels.at<std::uint8_t>(250, 350) == 4);
+  CHECK(first.labels.at<std::uint8_t>(100, 500) == 5);
+  CHECK(first.labels.at<std::uint8_t>(250, 160) == static_cast<int>(Label::person));
+  o.labels.add("door");  // of a map that was loaded
+  OnnxSegmenter again(o);
+  const Masks then = again.segment(scene());
+  CHECK(then.labels.at<std::uint8_t>(250, 350) == 5);
+  CHECK(then.labels.at<std::uint8_t>(100, 500) == 4);
+  CHECK(again.describe().find("dynamic: person; labels of the map: pallet (5), door (4)") !=
+        std::string::npos);
+}
+
+TEST_CASE("the output that is recognised is decoded, whatever stands before it, by every engine") {
+  const test::TemporaryFolder folder;
+  test::TinyNetwork network = test::colour_network();
+  network.before = "aux";
+  test::write_onnx(folder.path / "two.onnx", network);
+  for (const EngineKind engine : engines()) {
+    OnnxSegmenter segmenter(options_for(folder.path / "two.onnx", engine));
+    CAPTURE(segmenter.engine());
+    const Masks masks = segmenter.segment(scene());
+    CHECK(masks.dynamic.at<std::uint8_t>(250, 160) == 255);
+    CHECK(masks.dynamic.at<std::uint8_t>(250, 60) == 0);
+    CHECK(segmenter.describe().find("from out;") != std::string::npos);
+  }
+}
+
+TEST_CASE("half precision, open sizes and whole numbers are decoded as float is") {
+  if (!has_onnxruntime()) {
+    MESSAGE("skipped: built without ONNX Runtime");
+    return;
+  }
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path / "m.onnx";
+  const auto pixels = [&](const test::ConstantNetwork& network) {
+    test::write_onnx(path, network);
+    return cv::countNonZero(OnnxSegmenter(options_for(path)).segment(scene()).dynamic);
+  };
+  const std::vector<float> person = test::middle(48, 64, 1, 0);
+  const int quarter = 640 * 480 / 4;
+  const std::pair<std::string, std::string> names{"names", "{0: 'background', 1: 'person', 2: 'chair'}"};
+  test::ConstantNetwork network{{{"out", {1, 48, 64}, person, test::kOnnxInt64}}};
+  network.metadata = {names};
+  CHECK(std::abs(pixels(network) - quarter) < 1000);
+  network.outputs[0].type = test::kOnnxUint8;
+  CHECK(std::abs(pixels(network) - quarter) < 1000);
+  network.outputs[0].type = test::kOnnxHalf;
+  network.input_type = test::kOnnxHalf;
+  CHECK(std::abs(pixels(network) - quarter) < 1000);
+  network.input = {-1, 3, -1, -1};
+  network.outputs[0].shape = {1, 1, 48, 64};
+  CHECK(std::abs(pixels(network) - quarter) < 1000);
+  network.further_inputs = {"size"};
+  test::write_onnx(path, network);
+  CHECK(error_of(options_for(path)).find("has 2 inputs (image, size)") != std::string::npos);
+}
+
+TEST_CASE("YOLO with the suppression inside gives the masks of its list") {
+  if (!has_onnxruntime()) {
+    MESSAGE("skipped: built without ONNX Runtime");
+    return;
+  }
+  // One person in the left half of a 64 x 48 input, one prototype that is high everywhere.
+  std::vector<float> rows(300 * 8);
+  const std::array<float, 8> row{0, 0, 32, 48, 0.9F, 0, 1, 0};
+  std::copy(row.begin(), row.end(), rows.begin());
+  std::vector<float> prototypes(2 * 12 * 16, 9.0F);
+  const test::TemporaryFolder folder;
+  const test::ConstantNetwork network{
+      {{"output1", {1, 2, 12, 16}, prototypes}, {"output0", {1, 300, 8}, rows}}};
+  test::write_onnx(folder.path / "m.onnx", network);
+  OnnxSegmenter segmenter(options_for(folder.path / "m.onnx"));
+  CHECK(segmenter.kind() == ModelKind::yolo);
+  const Masks masks = segmenter.segment(scene());
+  CHECK(cv::countNonZero(masks.dynamic) == 320 * 480);
+  CHECK(masks.dynamic.at<std::uint8_t>(240, 10) == 255);
+  CHECK(masks.labels.at<std::uint8_t>(240, 10) == static_cast<int>(Label::person));
 }
 
 TEST_CASE("class lists are read as exporters write them; nonsense gives none") {

@@ -62,6 +62,7 @@ struct TinyNetwork {
   std::vector<std::array<float, 4>> weights;
   int width = 64, height = 48, channels = 3;
   std::string output = "out";
+  std::string before{};  ///< a further output before it, of the opposite sign; empty: none
   std::vector<std::pair<std::string, std::string>> metadata;
 };
 
@@ -72,20 +73,32 @@ inline void write_onnx(const std::filesystem::path& path, const TinyNetwork& net
     for (int c = 0; c < network.channels; ++c) w.push_back(row[static_cast<std::size_t>(c % 3)]);
     b.push_back(row[3]);
   }
-  const Message node =
-      Message()
-          .bytes(1, "image")
-          .bytes(1, "w")
-          .bytes(1, "b")
-          .bytes(2, network.output)
-          .bytes(3, "conv")
-          .bytes(4, "Conv")
-          .message(5, Message().bytes(1, "kernel_shape").number(8, 1).number(8, 1).number(20, 7));
   Message graph;
-  graph.message(1, node).bytes(2, "tiny");
-  graph.message(5, tensor("w", {classes, network.channels, 1, 1}, w)).message(5, tensor("b", {classes}, b));
+  const auto add_output = [&](const std::string& name, const std::string& layer) {
+    const Message node =
+        Message()
+            .bytes(1, "image")
+            .bytes(1, layer + "w")
+            .bytes(1, layer + "b")
+            .bytes(2, name)
+            .bytes(3, layer + "conv")
+            .bytes(4, "Conv")
+            .message(5, Message().bytes(1, "kernel_shape").number(8, 1).number(8, 1).number(20, 7));
+    graph.message(1, node);
+    graph.message(5, tensor(layer + "w", {classes, network.channels, 1, 1}, w));
+    graph.message(5, tensor(layer + "b", {classes}, b));
+    graph.message(12, value_info(name, {1, classes, network.height, network.width}));
+  };
+  graph.bytes(2, "tiny");
   graph.message(11, value_info("image", {1, network.channels, network.height, network.width}));
-  graph.message(12, value_info(network.output, {1, classes, network.height, network.width}));
+  if (!network.before.empty()) {
+    for (std::vector<float>* values : {&w, &b})
+      for (float& x : *values) x = -x;
+    add_output(network.before, "before_");
+    for (std::vector<float>* values : {&w, &b})
+      for (float& x : *values) x = -x;
+  }
+  add_output(network.output, "");
   Message model;
   model.number(1, 7).message(7, graph).message(8, Message().bytes(1, "").number(2, 12));
   for (const auto& [key, value] : network.metadata)

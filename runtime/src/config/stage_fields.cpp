@@ -45,10 +45,20 @@ void list(FieldList& f, SegmenterOptions& o) {
     choice(o.kind, {ModelKind::automatic, ModelKind::yolo, ModelKind::mask_rcnn, ModelKind::semantic},
            &parse_model_kind, [](ModelKind kind) { return to_string(kind); }),
     "what the network's outputs mean");
+  f("output",
+    choice(o.output,
+           {ModelOutput::automatic, ModelOutput::labels, ModelOutput::logits, ModelOutput::probability,
+            ModelOutput::mask},
+           &parse_model_output, [](ModelOutput output) { return to_string(output); }),
+    "what the only channel of a semantic network holds");
+  f("output_name", o.output_name, "", "output that is the segmentation; empty: found by name and shape");
+  // left out: labels: those of the map that a run goes on in
   f("threads", o.threads, "", "threads of the network", between(1, 64));
   f("dynamic_classes", o.dynamic_classes, "", "names of classes that move by themselves");
   f("map_classes", o.map_classes, "",
-    "names of classes that the map labels; empty: chairs and displays, as far as the model has them");
+    "names of classes that the map labels, four of them beside chairs and displays; empty: chairs and "
+    "displays, "
+    "as far as the model has them");
   f("input", o.input, "px", "width and height of the network's input where it leaves them open",
     between(16, 8192));
   f.table("detection", o.detection);
@@ -117,6 +127,7 @@ void list(FieldList& f, MapScanOptions& o) {
 void list(FieldList& f, SemanticMapperOptions& o) {
   // left out: resolution: [general] map_resolution
   // left out: max_bytes: [general] map_memory
+  // left out: classes: [segmentation.segmenter] map_classes, and those of the map that a run goes on in
   // left out: retain_scans: a run's map follows corrected poses and needs its scans
   f("queue", o.queue, "keyframes", "keyframes that may wait with their images", between(1, 1000));
   f("scans_per_view", o.scans_per_view, "", "scans kept of one view; 0: all", kCount);
@@ -160,6 +171,7 @@ void list(FieldList& f, TrajectoryOptions& o) {
 void list(FieldList& f, RunOptions& o) {
   // left out: sequence: given for each run
   // left out: out: given for each run
+  // left out: verbose: changes nothing of the results
   // left out: save_map: given for each run, which would replace the map that it started from
   // left out: dynamics: config_fields() has it, which may leave it open
   f.section("general");
@@ -170,6 +182,10 @@ void list(FieldList& f, RunOptions& o) {
   f("topics", o.topics, "", "topics of a bag, COLOUR,DEPTH; empty: by looking at it");
   f("rate", o.rate, "1/s", "frame rate of formats without time stamps", between(0.01, 10000));
   f("masks", o.masks, "", "folder of a-priori masks; empty: none");
+  f("mask_labels", o.mask_labels, "",
+    "what their values mean, \"15=person\" and the like or one of voc, coco, cityscapes, instances, binary; "
+    "empty: "
+    "by looking at them");
   f("save_masks", o.save_masks, "", "write the dynamic masks");
   f("report", o.report, "", "write report.html, and what it shows of each frame into report.jsonl");
   f("map", o.map, "", "build and save map.sot");

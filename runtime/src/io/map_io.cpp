@@ -24,13 +24,18 @@ using interop::SemanticOcTree;
 using Node = interop::SemanticOcTreeNode;
 
 constexpr const char* kType = "SemanticOcTree";
+constexpr const char* kLabelStart = "# label ";  // N NAME: a comment to OctoMap
 constexpr const char *kTextStart = "# Octomap OcTree file", *kBinaryStart = "# Octomap OcTree binary file";
 
 /// Header of OctoMap's files. @param kind  "file" (.ot) or "binary file" (.bt)
-void write_header(std::ostream& out, const SemanticOcTree& tree, const char* kind, const char* type) {
+void write_header(std::ostream& out, const SemanticOcTree& tree, const char* kind, const char* type,
+                  const MapClasses& classes = {}) {
   out << "# Octomap OcTree " << kind
-      << "\n# (feel free to add / change comments, but leave the first line as it is!)\n#\nid " << type
-      << "\nsize " << tree.size() << "\nres " << fmt::format("{}", tree.getResolution()) << "\ndata\n";
+      << "\n# (feel free to add / change comments, but leave the first line as it is!)\n#\n";
+  for (std::uint8_t label = 0; label < kMapLabels; ++label)
+    if (classes.own(label)) out << kLabelStart << int(label) << ' ' << classes.name(label) << '\n';
+  out << "id " << type << "\nsize " << tree.size() << "\nres " << fmt::format("{}", tree.getResolution())
+      << "\ndata\n";
 }
 
 void write_colour_node(std::ostream& out, const SemanticOcTree& tree, const Node* node) {
@@ -45,7 +50,7 @@ void write_colour_node(std::ostream& out, const SemanticOcTree& tree, const Node
   }
 }
 
-void write_ply(std::ostream& out, const SemanticOcTree& tree) {
+void write_ply(std::ostream& out, const SemanticOcTree& tree, const MapClasses& classes) {
   std::string vertices;
   std::size_t count = 0;
   for (auto it = tree.begin_leafs(), end = tree.end_leafs(); it != end; ++it) {
@@ -56,16 +61,18 @@ void write_ply(std::ostream& out, const SemanticOcTree& tree) {
                             it->label(), it->labels().confidence(), static_cast<float>(it.getSize()));
     ++count;
   }
-  out << "ply\nformat ascii 1.0\ncomment occupied cells of a semantic octree, metres\nelement vertex "
-      << count
+  out << "ply\nformat ascii 1.0\ncomment occupied cells of a semantic octree, metres\n";
+  for (std::uint8_t label = 0; label < kMapLabels; ++label)
+    if (classes.own(label)) out << "comment label " << int(label) << ' ' << classes.name(label) << '\n';
+  out << "element vertex " << count
       << "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\n"
          "property uchar blue\nproperty uchar label\nproperty float confidence\nproperty float "
          "edge\nend_header\n"
       << vertices;
 }
 
-void write_map(std::ostream& out, const SemanticOcTree& tree) {
-  write_header(out, tree, "file", kType);
+void write_map(std::ostream& out, const SemanticOcTree& tree, const MapClasses& classes) {
+  write_header(out, tree, "file", kType, classes);
   tree.writeData(out);
 }
 
@@ -74,7 +81,17 @@ struct Header {
   double resolution = 0;
   std::size_t size = 0;
   bool ends = false;
+  MapClasses classes{};
 };
+
+/// "N NAME"; what is no label of the user's own is a comment like any other.
+void read_label(const std::string& text, MapClasses& classes) {
+  std::istringstream words(text);
+  unsigned label = 0;
+  std::string name;
+  if (words >> label && label < kMapLabels && std::getline(words >> std::ws, name))
+    (void)classes.set(static_cast<std::uint8_t>(label), name);
+}
 
 /// Line by line, with a bound: a foreign file may have no line end at all. What follows the first line is
 /// read where that is OctoMap's.
@@ -99,6 +116,7 @@ Header read_header(std::istream& in) {
     std::istringstream words(text);
     std::string word;
     words >> word;
+    if (text.starts_with(kLabelStart)) read_label(text.substr(std::strlen(kLabelStart)), header.classes);
     if (word == "id") words >> header.type;
     if (word == "res") words >> header.resolution;
     if (word == "size") words >> header.size;
@@ -124,17 +142,7 @@ Rgb class_colour(std::uint8_t label) {
 }
 
 std::string class_name(std::uint8_t label) {
-  switch (static_cast<Label>(label)) {
-    case Label::background:
-      return "background";
-    case Label::person:
-      return "person";
-    case Label::chair:
-      return "chair";
-    case Label::display:
-      return "display";
-  }
-  return fmt::format("label {}", label);
+  return MapClasses().name(label);
 }
 
 Rgb voxel_colour(const Node& node) {
@@ -146,11 +154,11 @@ Rgb voxel_colour(const Node& node) {
   return colour;
 }
 
-void save_map(const SemanticOcTree& tree, const fs::path& path) {
+void save_map(const SemanticOcTree& tree, const fs::path& path, const MapClasses& classes) {
   // OctoMap's own file functions print to the terminal when a path cannot be written; its stream functions do
   // not.
   AtomicFile file(path);
-  write_map(file.stream(), tree);
+  write_map(file.stream(), tree, classes);
   file.commit();
 }
 
@@ -176,7 +184,7 @@ std::unique_ptr<SemanticOcTree> load_map(const fs::path& path) {
   check_regular_file(path);
   std::ifstream in(path, std::ios::binary);
   if (!in) throw fail("cannot be opened");
-  const auto [first, type, resolution, size, ends] = read_header(in);
+  const auto [first, type, resolution, size, ends, classes] = read_header(in);
   if (first.starts_with(kBinaryStart))
     throw fail(fmt::format("is a .bt file, which has no labels; give the {}", kMapFile));
   if (!first.starts_with(kTextStart)) throw fail("is not an OctoMap file");
@@ -195,10 +203,17 @@ std::unique_ptr<SemanticOcTree> load_map(const fs::path& path) {
   return tree;
 }
 
-void export_map(const SemanticOcTree& tree, const fs::path& path) {
+MapClasses load_map_classes(const fs::path& path) {
+  std::error_code error;
+  std::ifstream in;
+  if (fs::is_regular_file(path, error)) in.open(path, std::ios::binary);
+  return in.is_open() ? read_header(in).classes : MapClasses();
+}
+
+void export_map(const SemanticOcTree& tree, const fs::path& path, const MapClasses& classes) {
   const std::string extension = path.extension().string();
   const auto writer = [&]() -> std::function<void(std::ostream&)> {
-    if (extension == ".sot") return [&](std::ostream& out) { write_map(out, tree); };
+    if (extension == ".sot") return [&](std::ostream& out) { write_map(out, tree, classes); };
     if (extension == ".ot") {
       return [&](std::ostream& out) {
         write_header(out, tree, "file", "ColorOcTree");
@@ -211,10 +226,10 @@ void export_map(const SemanticOcTree& tree, const fs::path& path) {
         if (tree.getRoot() != nullptr) tree.writeBinaryData(out);
       };
     }
-    if (extension == ".ply") return [&](std::ostream& out) { write_ply(out, tree); };
-    if (extension == ".txt") return [&](std::ostream& out) { out << to_text(summarize(tree)); };
+    if (extension == ".ply") return [&](std::ostream& out) { write_ply(out, tree, classes); };
+    if (extension == ".txt") return [&](std::ostream& out) { out << to_text(summarize(tree, classes)); };
     if (extension == ".json")
-      return [&](std::ostream& out) { out << to_json(summarize(tree)).dump(2) << '\n'; };
+      return [&](std::ostream& out) { out << to_json(summarize(tree, classes)).dump(2) << '\n'; };
     throw UsageError(
         fmt::format("'{}': the extension is none of .sot .ot .bt .ply .txt .json", path.string()));
   }();
@@ -223,8 +238,9 @@ void export_map(const SemanticOcTree& tree, const fs::path& path) {
   file.commit();
 }
 
-MapSummary summarize(const SemanticOcTree& tree) {
+MapSummary summarize(const SemanticOcTree& tree, const MapClasses& classes) {
   MapSummary s;
+  s.classes = classes;
   s.resolution = tree.getResolution();
   s.nodes = tree.size();
   s.bytes = tree.memoryUsage();
@@ -262,7 +278,7 @@ std::string to_text(const MapSummary& s) {
   for (std::size_t l = 0; l < kMapLabels; ++l) {
     if (s.occupied_of_label[l] == 0) continue;
     text += fmt::format("{:<12} {:>9} voxels {:>10.4f} m^3  confidence {:.2f}\n",
-                        class_name(static_cast<std::uint8_t>(l)), s.occupied_of_label[l],
+                        s.classes.name(static_cast<std::uint8_t>(l)), s.occupied_of_label[l],
                         s.volume(s.occupied_of_label[l]), s.confidence_of_label[l]);
   }
   return text;
@@ -276,10 +292,11 @@ nlohmann::json to_json(const MapSummary& s) {
   j["classes"] = nlohmann::json::object();
   for (std::size_t l = 0; l < kMapLabels; ++l) {
     if (s.occupied_of_label[l] == 0) continue;
-    j["classes"][class_name(static_cast<std::uint8_t>(l))] = {{"label", l},
-                                                              {"voxels", s.occupied_of_label[l]},
-                                                              {"volume_m3", s.volume(s.occupied_of_label[l])},
-                                                              {"confidence", s.confidence_of_label[l]}};
+    j["classes"][s.classes.name(static_cast<std::uint8_t>(l))] = {
+        {"label", l},
+        {"voxels", s.occupied_of_label[l]},
+        {"volume_m3", s.volume(s.occupied_of_label[l])},
+        {"confidence", s.confidence_of_label[l]}};
   }
   return j;
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "dynslam/runtime/nets/inference_engine.hpp"
 
+#include <array>
+
 #include "dynslam/runtime/error.hpp"
 #include "nets/onnx_header.hpp"
 
@@ -11,6 +13,19 @@ std::optional<EngineKind> parse_engine(std::string_view name) {
   if (name == "onnxruntime") return EngineKind::onnxruntime;
   if (name == "opencv") return EngineKind::opencv;
   return std::nullopt;
+}
+
+std::string element_type_name(int type) {
+  constexpr std::array<std::string_view, 17> kNames{
+      "unknown", "float",   "uint8",  "int8",   "uint16", "int16",   "int32",      "int64",   "string",
+      "bool",    "float16", "double", "uint32", "uint64", "complex", "complex128", "bfloat16"};
+  const auto known = type > 0 && type < static_cast<int>(kNames.size());
+  return std::string(known ? kNames[static_cast<std::size_t>(type)] : "unknown");
+}
+
+bool is_whole_type(int type) {
+  constexpr int kUint8 = 2, kInt64 = 7, kBool = 9, kUint32 = 12, kUint64 = 13;
+  return (type >= kUint8 && type <= kInt64) || type == kBool || type == kUint32 || type == kUint64;
 }
 
 bool has_onnxruntime() {

@@ -45,11 +45,13 @@ std::uint64_t hash_of_model(const SegmenterOptions& o) {
   while (in.read(block.data(), block.size()) || in.gcount() > 0)
     hash.add(block.data(), static_cast<std::size_t>(in.gcount()));
   if (in.bad()) throw InputError(o.model.string(), 0, "cannot be read");
-  hash.add(fmt::format("{} {} {} {} {}", to_string(o.kind), o.detection.min_score, o.detection.max_overlap,
-                       o.input.width, o.input.height));
+  hash.add(fmt::format("{} {} {} {} {} {} {}", to_string(o.kind), to_string(o.output), o.output_name,
+                       o.detection.min_score, o.detection.max_overlap, o.input.width, o.input.height));
   for (const auto& name : o.dynamic_classes) hash.add(name);
   hash.add("|");
   for (const auto& name : o.map_classes) hash.add(name);
+  for (std::uint8_t label = 0; label < kMapLabels; ++label)
+    if (o.labels.own(label)) hash.add(fmt::format("{} {}", label, o.labels.name(label)));
   return hash.value();
 }
 

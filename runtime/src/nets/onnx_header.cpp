@@ -23,7 +23,8 @@ constexpr std::uint64_t kGraphInitializer = 5, kGraphInput = 11, kGraphOutput = 
 constexpr std::uint64_t kModelFunctions = 25, kModelTraining = 20, kTensorExternal = 13;
 constexpr std::uint64_t kKey = 1, kValue = 2;  // StringStringEntryProto
 constexpr std::uint64_t kName = 1, kType = 2;  // ValueInfoProto
-constexpr std::uint64_t kTensorType = 1, kShape = 2, kDim = 1, kDimValue = 1;
+constexpr std::uint64_t kTensorType = 1, kElementType = 1, kShape = 2, kDim = 1, kDimValue = 1;
+constexpr std::uint64_t kGraphNode = 1, kNodeOutput = 2, kNodeName = 3;
 
 /// Fields of one protocol-buffer message, in order (https://protobuf.dev/programming-guides/encoding/).
 class Fields {
@@ -103,9 +104,12 @@ std::string text_of(std::string_view message, std::uint64_t number) {
 }
 
 TensorInfo value_info(std::string_view message) {
-  TensorInfo info{text_of(message, kName), {}};
+  TensorInfo info{text_of(message, kName), {}, 0};
   for_each(message, kType, [&](const Fields::Field& type) {
     for_each(type.bytes, kTensorType, [&](const Fields::Field& tensor) {
+      for_each(tensor.bytes, kElementType, [&](const Fields::Field& f) {
+        info.type = static_cast<int>(std::min<std::uint64_t>(f.value, 1000));
+      });
       for_each(tensor.bytes, kShape, [&](const Fields::Field& shape) {
         for_each(shape.bytes, kDim, [&](const Fields::Field& dim) {
           std::int64_t size = -1;  // a name instead of a number: any
@@ -197,6 +201,11 @@ OnnxHeader read_onnx_header(const std::filesystem::path& file) {
     });
     for_each(graph.bytes, kGraphOutput,
              [&](const Fields::Field& f) { header.outputs.push_back(value_info(f.bytes)); });
+    for_each(graph.bytes, kGraphNode, [&](const Fields::Field& node) {
+      for_each(node.bytes, kNodeOutput, [&](const Fields::Field& f) {
+        header.makers[std::string(f.bytes)] = text_of(node.bytes, kNodeName);
+      });
+    });
   });
   return header;
 }

@@ -14,6 +14,7 @@ namespace dynslam::runtime {
 struct OnnxHeader {
   std::vector<TensorInfo> inputs, outputs;
   std::map<std::string, std::string> metadata;
+  std::map<std::string, std::string> makers;  ///< name of the layer that makes an output, where it has one
 };
 
 /// Files that the model takes weights from (external data), as it names them: of initializers, of attributes

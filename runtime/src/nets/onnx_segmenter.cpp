@@ -13,6 +13,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "io/argument_check.hpp"
 #include "nets/class_names.hpp"
+#include "nets/model_recognition.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -32,11 +33,6 @@ std::vector<std::string> list(const std::array<std::string_view, N>& names) {
   return {names.begin(), names.end()};
 }
 
-bool has_output(const InferenceEngine& engine, std::string_view name) {
-  return std::any_of(engine.outputs().begin(), engine.outputs().end(),
-                     [&](const TensorInfo& o) { return o.name == name; });
-}
-
 /// Logits on a coarse grid whose corners are the input's corners: (size - 1) is a multiple on both axes.
 bool corners_aligned(const Tensor& output, const Letterbox& fit) {
   const std::int64_t h = output.dim(-2), w = output.dim(-1);
@@ -44,13 +40,16 @@ bool corners_aligned(const Tensor& output, const Letterbox& fit) {
          (fit.width - 1) % (w - 1) == 0;
 }
 
-Label map_label(std::string_view name) {
-  if (name == "person") return Label::person;
-  if (name == "chair") return Label::chair;
-  for (const std::string_view display : {"tv", "tvmonitor", "display", "monitor", "laptop"}) {
-    if (name == display) return Label::display;
+/// One name per line; nothing where there is no such file.
+std::vector<std::string> read_names(const std::filesystem::path& file) {
+  std::vector<std::string> names;
+  std::ifstream in(file);
+  for (std::string line; std::getline(in, line);) {
+    while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.pop_back();
+    names.push_back(line);
   }
-  return Label::background;
+  while (!names.empty() && names.back().empty()) names.pop_back();
+  return names;
 }
 
 }  // namespace
@@ -100,123 +99,87 @@ std::vector<std::string> parse_class_names(const std::string& text) {
 OnnxSegmenter::OnnxSegmenter(const SegmenterOptions& options)
     : options_(options),
       engine_(load_engine(options.model, options.engine, options.threads)),
-      kind_(options.kind) {
-  const std::string file = options_.model.string();
-  if (engine_->inputs().size() != 1) {
-    throw InputError(file, 0,
-                     fmt::format("has {} inputs; a segmenter takes one image", engine_->inputs().size()));
-  }
-  find_kind();
-  // N x 3 x H x W, or 3 x H x W without a batch; sizes that the graph leaves open are the option's.
-  shape_ = engine_->inputs().front().shape;
-  if (shape_.empty()) shape_ = {1, 3, -1, -1};
-  const std::size_t rank = shape_.size();
-  if ((rank != 3 && rank != 4) || (shape_[rank - 3] != 3 && shape_[rank - 3] != -1) ||
-      (rank == 4 && shape_[0] > 1)) {
-    throw InputError(file, 0, "has an input that is not one image of 3 x height x width");
-  }
-  if (rank == 4) shape_[0] = 1;
-  shape_[rank - 3] = 3;
-  if (shape_[rank - 2] <= 0) shape_[rank - 2] = options_.input.height;
-  if (shape_[rank - 1] <= 0) shape_[rank - 1] = options_.input.width;
-  if (shape_[rank - 2] < 16 || shape_[rank - 1] < 16 || shape_[rank - 2] > 8192 || shape_[rank - 1] > 8192) {
-    throw InputError(file, 0, fmt::format("takes images of {} x {}", shape_[rank - 1], shape_[rank - 2]));
-  }
-  fit_.width = static_cast<int>(shape_[rank - 1]);
-  fit_.height = static_cast<int>(shape_[rank - 2]);
-  // One run on a grey image shows whether the graph does what its kind promises.
-  (void)segment(cv::Mat(480, 640, CV_8UC3, cv::Scalar::all(127)));
+      kind_(options.kind),
+      shape_(input_shape(engine_->inputs(), options.input, options.model.string())) {
+  // A first guess, by which the image is fitted in: one run on a grey image shows what the graph gives.
+  const std::size_t outputs = engine_->outputs().size();
+  if (kind_ == ModelKind::automatic)
+    kind_ = outputs == 2 ? ModelKind::yolo : outputs == 4 ? ModelKind::mask_rcnn : ModelKind::semantic;
+  const ModelKind guess = kind_;
+  const cv::Mat grey(480, 640, CV_8UC3, cv::Scalar::all(127));
+  run(grey);
+  recognise();
+  if (kind_ != guess) run(grey);
+  find_classes();
+  meanings_ =
+      class_meanings(classes_, options_.dynamic_classes, options_.map_classes, options_.labels, "the model");
+  (void)decode(grey.size());
+  if (channels_ == 1) reader_.emplace(options_.output, named_, options_.model.string());
 }
 
-void OnnxSegmenter::find_kind() {
-  if (kind_ != ModelKind::automatic) return;
-  const auto& outputs = engine_->outputs();
-  if (has_output(*engine_, "boxes") && has_output(*engine_, "masks")) {
-    kind_ = ModelKind::mask_rcnn;
-  } else if (outputs.size() == 2 && has_output(*engine_, "output0") && has_output(*engine_, "output1")) {
-    kind_ = ModelKind::yolo;
-  } else if (outputs.size() == 1 || has_output(*engine_, "out") || has_output(*engine_, "logits")) {
-    kind_ = ModelKind::semantic;
-  } else {
-    std::string names;
-    for (const auto& o : outputs) names += (names.empty() ? "" : ", ") + o.name;
-    throw InputError(
-        options_.model.string(), 0,
-        fmt::format("is no segmenter that is known, by its outputs ({}); --model-kind says what it is",
-                    names));
-  }
-}
-
-const Tensor& OnnxSegmenter::output(std::string_view name) const {
-  for (const Tensor& t : outputs_) {
-    if (t.name == name) return t;
-  }
-  throw InputError(options_.model.string(), 0,
-                   fmt::format("has no output '{}', which a {} has", name, to_string(kind_)));
+void OnnxSegmenter::recognise() {
+  const ModelFacts facts{
+      options_.model.string(),
+      options_.kind,
+      options_.output_name,
+      {static_cast<int>(shape_[shape_.size() - 1]), static_cast<int>(shape_[shape_.size() - 2])},
+      engine_->metadata()};
+  const ModelOutputs found = recognise_outputs(outputs_, facts);
+  kind_ = found.kind;
+  roles_ = found.at;
 }
 
 void OnnxSegmenter::find_classes() {
   const auto metadata = engine_->metadata().find("names");
   if (metadata != engine_->metadata().end()) classes_ = parse_class_names(metadata->second);
-  std::filesystem::path sidecar = options_.model;
-  sidecar.replace_extension(".names");
-  if (std::ifstream in(sidecar); in) {
-    classes_.clear();
-    for (std::string line; std::getline(in, line);) {
-      while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.pop_back();
-      classes_.push_back(line);
-    }
+  names_from_ = "its metadata";
+  // Beside FILE.onnx: FILE.names or FILE.onnx.names.
+  std::filesystem::path beside = options_.model, behind = options_.model;
+  beside.replace_extension(".names");
+  behind += ".names";
+  for (const auto& file : {beside, behind}) {
+    if (!classes_.empty()) break;
+    classes_ = read_names(file);
+    names_from_ = file.string();
   }
+  named_ = classes_.size();
+  if (classes_.empty()) names_from_ = "the built-in list";
   std::int64_t count = 0;
   if (kind_ == ModelKind::yolo) {
-    count = output("output0").dim(1) - 4 - output("output1").dim(1);
-    if (classes_.empty() && count == 80) classes_ = list(kCoco80);
+    const std::int64_t prototypes = output(1).dim(1);
+    const bool selection = is_yolo_selection(output(0), prototypes);  // says nothing of the number of classes
+    if (!selection) count = output(0).dim(1) - 4 - prototypes;
+    if (classes_.empty() && (selection || count == 80)) classes_ = list(kCoco80);
+    if (selection) count = static_cast<std::int64_t>(classes_.size());
   } else if (kind_ == ModelKind::mask_rcnn) {
     if (classes_.empty()) classes_ = list(kCoco91);
     count = static_cast<std::int64_t>(classes_.size());
   } else {
-    const Tensor& logits = outputs_.front();
-    count = logits.shape.size() == 4 ? logits.dim(1) : 0;
-    if (count <= 1) count = static_cast<std::int64_t>(classes_.size());  // labels: any number
+    count = channels_ = output(0).shape.size() == 4 ? output(0).dim(1) : 1;
+    if (count == 1) {
+      // A class alone, which is there or not, or the number of one of many.
+      if (classes_.empty()) classes_ = {"background", "person"};
+      if (classes_.size() == 1) classes_.insert(classes_.begin(), "background");
+      count = static_cast<std::int64_t>(classes_.size());
+    }
     if (classes_.empty() && count == 21) classes_ = list(kVoc21);
     if (classes_.empty() && count == 4) classes_ = list(kDemo);
   }
   if (classes_.empty() || static_cast<std::int64_t>(classes_.size()) != count) {
     throw InputError(options_.model.string(), 0,
-                     fmt::format("has {} classes and names for {}; put one name per line into {}", count,
-                                 classes_.size(), sidecar.string()));
+                     fmt::format("has {} classes and names for {}; put one name per line into {} or {}",
+                                 count, classes_.size(), beside.string(), behind.string()));
   }
 }
 
-void OnnxSegmenter::assign_meanings() {
-  meanings_.assign(classes_.size(), {});
-  const auto index_of = [&](const std::string& name) {
-    const auto found = std::find(classes_.begin(), classes_.end(), name);
-    if (found != classes_.end() && !name.empty()) return static_cast<std::size_t>(found - classes_.begin());
-    std::string known;
-    for (const auto& c : classes_) known += c.empty() ? "" : (known.empty() ? "" : ", ") + c;
-    throw UsageError(fmt::format("the model has no class '{}'; it has: {}", name, known));
-  };
-  for (const auto& name : options_.dynamic_classes) {
-    Meaning& m = meanings_[index_of(name)];
-    m.dynamic = true;
-    m.label = map_label(name) == Label::person ? Label::person : Label::background;
-  }
-  std::vector<std::string> map_classes = options_.map_classes;
-  if (map_classes.empty()) {
-    for (const char* name : {"chair", "tv", "tvmonitor", "display"}) {
-      if (std::find(classes_.begin(), classes_.end(), name) != classes_.end()) map_classes.emplace_back(name);
-    }
-  }
-  for (const auto& name : map_classes) {
-    Meaning& m = meanings_[index_of(name)];
-    const Label label = map_label(name);
-    if (label == Label::background || label == Label::person) {
-      throw UsageError(fmt::format(
-          "--map-classes {}: the map knows chair, tv, tvmonitor, display, monitor and laptop", name));
-    }
-    if (!m.dynamic) m.label = label;
-  }
+std::string OnnxSegmenter::describe() const {
+  std::string names;
+  const std::size_t roles = kind_ == ModelKind::semantic ? 1 : kind_ == ModelKind::yolo ? 2 : 4;
+  for (std::size_t k = 0; k < roles; ++k) names += (k > 0 ? ", " : "") + output(k).name;
+  return fmt::format("{}: {} by {}, from {}{}; {} classes named by {}; {}", options_.model.string(),
+                     to_string(kind_), engine_->name(), names,
+                     reader_ ? ", " + reader_->describe() : std::string(), classes_.size(), names_from_,
+                     describe_meanings(classes_, meanings_));
 }
 
 void OnnxSegmenter::fill_input(const cv::Mat& bgr) {
@@ -254,43 +217,61 @@ void OnnxSegmenter::fill_input(const cv::Mat& bgr) {
   }
 }
 
-Masks OnnxSegmenter::segment(const cv::Mat& bgr) {
-  check_image(bgr, {}, CV_8UC3, "OnnxSegmenter::segment(): the image");
+void OnnxSegmenter::run(const cv::Mat& bgr) {
   fill_input(bgr);
   engine_->run(input_, shape_, outputs_);
+}
+
+Masks OnnxSegmenter::segment(const cv::Mat& bgr) {
+  check_image(bgr, {}, CV_8UC3, "OnnxSegmenter::segment(): the image");
+  run(bgr);
+  return decode(bgr.size());
+}
+
+Masks OnnxSegmenter::decode_classes(cv::Size image) {
   const std::string file = options_.model.string();
-  if (classes_.empty()) {
-    find_classes();
-    assign_meanings();
+  const Tensor& map = output(0);
+  std::optional<float> threshold;
+  if (reader_) {
+    reader_->look(map);
+    threshold = reader_->threshold();
+  } else if (channels_ > 1 && named_ == 0 && are_heatmaps(map)) {
+    throw InputError(
+        file, 0,
+        fmt::format("output '{}' has {} channels whose values from 0 to 1 are no shares of classes (heat "
+                    "maps of key points?); name the classes in a file beside it if they are some",
+                    map.name, channels_));
+  }
+  const cv::Mat categories = decode_semantic(map, fit_, image, corners_aligned(map, fit_), file, threshold);
+  cv::Mat to_dynamic(1, 256, CV_8UC1, cv::Scalar(0)), to_label(1, 256, CV_8UC1, cv::Scalar(0));
+  for (std::size_t c = 0; c < std::min<std::size_t>(256, meanings_.size()); ++c) {
+    to_dynamic.at<std::uint8_t>(static_cast<int>(c)) = meanings_[c].dynamic ? 255 : 0;
+    to_label.at<std::uint8_t>(static_cast<int>(c)) = meanings_[c].label;
   }
   Masks masks;
-  masks.dynamic = cv::Mat::zeros(bgr.size(), CV_8UC1);
-  masks.labels = cv::Mat::zeros(bgr.size(), CV_8UC1);
-  if (kind_ == ModelKind::semantic) {
-    const Tensor& logits = outputs_.front();
-    const cv::Mat categories = decode_semantic(logits, fit_, bgr.size(), corners_aligned(logits, fit_), file);
-    cv::Mat to_dynamic(1, 256, CV_8UC1, cv::Scalar(0)), to_label(1, 256, CV_8UC1, cv::Scalar(0));
-    for (std::size_t c = 0; c < std::min<std::size_t>(256, meanings_.size()); ++c) {
-      to_dynamic.at<std::uint8_t>(static_cast<int>(c)) = meanings_[c].dynamic ? 255 : 0;
-      to_label.at<std::uint8_t>(static_cast<int>(c)) = static_cast<std::uint8_t>(meanings_[c].label);
-    }
-    cv::LUT(categories, to_dynamic, masks.dynamic);
-    cv::LUT(categories, to_label, masks.labels);
-    return masks;
-  }
-  const auto detections =
-      kind_ == ModelKind::yolo
-          ? decode_yolo(output("output0"), output("output1"), fit_, bgr.size(), options_.detection, file)
-          : decode_mask_rcnn(output("boxes"), output("labels"), output("scores"), output("masks"), fit_,
-                             bgr.size(), options_.detection, file);
-  masks.instances = cv::Mat::zeros(bgr.size(), CV_16UC1);
+  cv::LUT(categories, to_dynamic, masks.dynamic);
+  cv::LUT(categories, to_label, masks.labels);
+  return masks;
+}
+
+Masks OnnxSegmenter::decode(cv::Size image) {
+  if (kind_ == ModelKind::semantic) return decode_classes(image);
+  const std::string file = options_.model.string();
+  const auto detections = kind_ == ModelKind::yolo
+                              ? decode_yolo(output(0), output(1), fit_, image, options_.detection, file)
+                              : decode_mask_rcnn(output(0), output(1), output(2), output(3), fit_, image,
+                                                 options_.detection, file);
+  Masks masks;
+  masks.dynamic = cv::Mat::zeros(image, CV_8UC1);
+  masks.labels = cv::Mat::zeros(image, CV_8UC1);
+  masks.instances = cv::Mat::zeros(image, CV_16UC1);
   // The strongest is painted last; people over furniture, whatever the scores.
   for (const bool people : {false, true}) {
     for (auto d = detections.rbegin(); d != detections.rend(); ++d) {
       if (d->category < 0 || static_cast<std::size_t>(d->category) >= meanings_.size()) continue;
-      const Meaning& m = meanings_[static_cast<std::size_t>(d->category)];
-      if (m.dynamic != people || (!m.dynamic && m.label == Label::background)) continue;
-      masks.labels(d->box).setTo(static_cast<int>(m.label), d->mask);
+      const ClassMeaning& m = meanings_[static_cast<std::size_t>(d->category)];
+      if (m.dynamic != people || (!m.dynamic && m.label == 0)) continue;
+      masks.labels(d->box).setTo(m.label, d->mask);
       if (!m.dynamic) continue;
       masks.dynamic(d->box).setTo(255, d->mask);
       masks.instances(d->box).setTo(static_cast<double>(detections.rend() - d), d->mask);

@@ -24,6 +24,35 @@ void convert(const Ort::Value& value, std::size_t count, std::vector<float>& out
   std::transform(data, data + count, out.begin(), [](T x) { return static_cast<float>(x); });
 }
 
+void read(const Ort::Value& value, ONNXTensorElementDataType type, std::size_t count, Tensor& out) {
+  out.data.resize(count);
+  switch (type) {
+    case ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT:
+      return convert<float>(value, count, out.data);
+    case ONNX_TENSOR_ELEMENT_DATA_TYPE_DOUBLE:
+      return convert<double>(value, count, out.data);
+    case ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT16:
+      return convert<Ort::Float16_t>(value, count, out.data);
+    case ONNX_TENSOR_ELEMENT_DATA_TYPE_INT64:
+      return convert<std::int64_t>(value, count, out.data);
+    case ONNX_TENSOR_ELEMENT_DATA_TYPE_INT32:
+      return convert<std::int32_t>(value, count, out.data);
+    case ONNX_TENSOR_ELEMENT_DATA_TYPE_INT16:
+      return convert<std::int16_t>(value, count, out.data);
+    case ONNX_TENSOR_ELEMENT_DATA_TYPE_UINT16:
+      return convert<std::uint16_t>(value, count, out.data);
+    case ONNX_TENSOR_ELEMENT_DATA_TYPE_INT8:
+      return convert<std::int8_t>(value, count, out.data);
+    case ONNX_TENSOR_ELEMENT_DATA_TYPE_UINT8:
+      return convert<std::uint8_t>(value, count, out.data);
+    case ONNX_TENSOR_ELEMENT_DATA_TYPE_BOOL:
+      return convert<bool>(value, count, out.data);
+    default:  // text and the like: nothing that is decoded
+      out.shape.clear();
+      out.data.clear();
+  }
+}
+
 class OnnxRuntimeEngine final : public InferenceEngine {
  public:
   OnnxRuntimeEngine(const std::filesystem::path& model, int threads)
@@ -42,16 +71,19 @@ class OnnxRuntimeEngine final : public InferenceEngine {
         if (type.GetONNXType() != ONNX_TYPE_TENSOR)
           throw InputError(file_, 0, "has an input that is no tensor");
         const auto tensor = type.GetTensorTypeAndShapeInfo();
-        if (tensor.GetElementType() != ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT) {
-          throw InputError(file_, 0, "has an input that is not of type float");
-        }
-        inputs_.push_back({session_.GetInputNameAllocated(i, allocator).get(), tensor.GetShape()});
+        // The numbers of both enumerations are the same.
+        inputs_.push_back({session_.GetInputNameAllocated(i, allocator).get(), tensor.GetShape(),
+                           static_cast<int>(tensor.GetElementType())});
       }
       for (std::size_t i = 0; i < session_.GetOutputCount(); ++i) {
         const auto type = session_.GetOutputTypeInfo(i);
         std::vector<std::int64_t> shape;
-        if (type.GetONNXType() == ONNX_TYPE_TENSOR) shape = type.GetTensorTypeAndShapeInfo().GetShape();
-        outputs_.push_back({session_.GetOutputNameAllocated(i, allocator).get(), std::move(shape)});
+        int element = 0;
+        if (type.GetONNXType() == ONNX_TYPE_TENSOR) {
+          shape = type.GetTensorTypeAndShapeInfo().GetShape();
+          element = static_cast<int>(type.GetTensorTypeAndShapeInfo().GetElementType());
+        }
+        outputs_.push_back({session_.GetOutputNameAllocated(i, allocator).get(), std::move(shape), element});
       }
       const Ort::ModelMetadata metadata = session_.GetModelMetadata();
       for (const auto& key : metadata.GetCustomMetadataMapKeysAllocated(allocator)) {
@@ -68,8 +100,15 @@ class OnnxRuntimeEngine final : public InferenceEngine {
     try {
       const auto memory = Ort::MemoryInfo::CreateCpu(OrtArenaAllocator, OrtMemTypeDefault);
       // The C interface takes a pointer to non-const; the data is not changed.
-      const Ort::Value tensor = Ort::Value::CreateTensor<float>(memory, const_cast<float*>(input.data()),
-                                                                input.size(), shape.data(), shape.size());
+      const bool half = inputs_.front().type == ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT16;
+      half_.resize(half ? input.size() : 0);
+      if (half)
+        std::transform(input.begin(), input.end(), half_.begin(), [](float x) { return Ort::Float16_t(x); });
+      const Ort::Value tensor =
+          half ? Ort::Value::CreateTensor<Ort::Float16_t>(memory, half_.data(), half_.size(), shape.data(),
+                                                          shape.size())
+               : Ort::Value::CreateTensor<float>(memory, const_cast<float*>(input.data()), input.size(),
+                                                 shape.data(), shape.size());
       const char* input_name = inputs_.front().name.c_str();
       std::vector<const char*> names;
       for (const auto& o : outputs_) names.push_back(o.name.c_str());
@@ -77,28 +116,15 @@ class OnnxRuntimeEngine final : public InferenceEngine {
           session_.Run(Ort::RunOptions{nullptr}, &input_name, &tensor, 1, names.data(), names.size());
       outputs.resize(values.size());
       for (std::size_t i = 0; i < values.size(); ++i) {
+        if (!values[i].IsTensor()) {  // a list or a map: nothing that is decoded
+          outputs[i] = {outputs_[i].name, {}, {}};
+          continue;
+        }
         const auto info = values[i].GetTensorTypeAndShapeInfo();
-        const std::size_t count = info.GetElementCount();
         outputs[i].name = outputs_[i].name;
         outputs[i].shape = info.GetShape();
-        outputs[i].data.resize(count);
-        switch (info.GetElementType()) {
-          case ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT:
-            convert<float>(values[i], count, outputs[i].data);
-            break;
-          case ONNX_TENSOR_ELEMENT_DATA_TYPE_INT64:
-            convert<std::int64_t>(values[i], count, outputs[i].data);
-            break;
-          case ONNX_TENSOR_ELEMENT_DATA_TYPE_INT32:
-            convert<std::int32_t>(values[i], count, outputs[i].data);
-            break;
-          case ONNX_TENSOR_ELEMENT_DATA_TYPE_UINT8:
-            convert<std::uint8_t>(values[i], count, outputs[i].data);
-            break;
-          default:
-            throw InputError(file_, 0,
-                             "output " + outputs_[i].name + " is neither float nor an integer type");
-        }
+        outputs[i].whole = is_whole_type(static_cast<int>(info.GetElementType()));
+        read(values[i], info.GetElementType(), info.GetElementCount(), outputs[i]);
       }
     } catch (const Ort::Exception& e) {
       throw InputError(file_, 0, "cannot be run: " + first_line(e.what()));
@@ -115,6 +141,7 @@ class OnnxRuntimeEngine final : public InferenceEngine {
   Ort::Env environment_;
   Ort::Session session_{nullptr};
   std::vector<TensorInfo> inputs_, outputs_;
+  std::vector<Ort::Float16_t> half_;  // the input of a network that takes half precision
   std::map<std::string, std::string> metadata_;
 };
 

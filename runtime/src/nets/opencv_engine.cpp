@@ -40,9 +40,8 @@ class OpenCvEngine final : public InferenceEngine {
     }
     net_.setPreferableBackend(cv::dnn::DNN_BACKEND_OPENCV);
     net_.setPreferableTarget(cv::dnn::DNN_TARGET_CPU);
-    names_ = net_.getUnconnectedOutLayersNames();
-    for (const auto& name : names_) outputs_.push_back({name, {}});
     OnnxHeader header = read_onnx_header(model);
+    find_outputs(header);
     inputs_ = std::move(header.inputs);
     metadata_ = std::move(header.metadata);
   }
@@ -64,7 +63,8 @@ class OpenCvEngine final : public InferenceEngine {
     for (std::size_t i = 0; i < results.size(); ++i) {
       cv::Mat values;
       results[i].convertTo(values, CV_32F);
-      outputs[i].name = names_[i];
+      outputs[i].name = outputs_[i].name;
+      outputs[i].whole = is_whole_type(outputs_[i].type);
       outputs[i].shape.assign(values.size.p, values.size.p + values.dims);
       outputs[i].data.assign(values.ptr<float>(), values.ptr<float>() + values.total());
     }
@@ -76,6 +76,26 @@ class OpenCvEngine final : public InferenceEngine {
   [[nodiscard]] std::string_view name() const override { return "opencv"; }
 
  private:
+  /// The graph's outputs in its own order and under its own names, where OpenCV has layers that make them: it
+  /// calls a layer with a name by that name, others by their output.
+  void find_outputs(const OnnxHeader& header) {
+    for (const TensorInfo& output : header.outputs) {
+      const auto maker = header.makers.find(output.name);
+      const std::string layer =
+          maker == header.makers.end() || maker->second.empty() ? output.name : "onnx_node!" + maker->second;
+      for (const std::string& name : {layer, output.name}) {
+        if (net_.getLayerId(name) < 0) continue;
+        names_.push_back(name);
+        outputs_.push_back(output);
+        break;
+      }
+    }
+    if (!names_.empty() && names_.size() == header.outputs.size()) return;
+    names_ = net_.getUnconnectedOutLayersNames();
+    outputs_.clear();
+    for (const auto& name : names_) outputs_.push_back({name, {}, 0});
+  }
+
   std::string file_;
   cv::dnn::Net net_;
   std::vector<cv::String> names_;

@@ -18,6 +18,8 @@ namespace {
 constexpr float kMaxLabel =
     65536.0F;  // no network knows as many classes; float holds every label below exactly
 
+constexpr std::int64_t kSelectedRow = 6;  // x1, y1, x2, y2, score, class: of a suppression in the network
+
 [[noreturn]] void refuse(const std::string& model, const Tensor& tensor, const std::string& wanted) {
   throw InputError(model, 0,
                    fmt::format("output '{}' has the shape [{}], not {}", tensor.name,
@@ -63,6 +65,59 @@ cv::Mat sample_box(const cv::Mat& source, const cv::Rect& box, double ax, double
   return out;
 }
 
+/// A candidate remembers its place in the list until it is kept and its mask is made.
+void add_candidate(std::vector<Detection>& detections, std::int64_t n, int category, float score,
+                   const cv::Rect& box) {
+  if (box.area() == 0) return;
+  detections.push_back({category, score, box, cv::Mat(1, 1, CV_32S, cv::Scalar(static_cast<double>(n)))});
+}
+
+/// Of a list 1 x (4 + classes + P) x N.
+std::vector<Detection> yolo_candidates(const Tensor& predictions, std::int64_t classes, const Letterbox& fit,
+                                       cv::Size image, const DetectionOptions& options) {
+  const std::int64_t columns = predictions.dim(2);
+  const auto value = [&](std::int64_t row, std::int64_t column) {
+    return predictions.data[static_cast<std::size_t>(row * columns + column)];
+  };
+  std::vector<Detection> detections;
+  for (std::int64_t n = 0; n < columns; ++n) {
+    std::int64_t best = 0;
+    for (std::int64_t c = 1; c < classes; ++c) {
+      if (value(4 + c, n) > value(4 + best, n)) best = c;
+    }
+    const float score = value(4 + best, n);
+    if (score < options.min_score) continue;
+    const double x = static_cast<double>(value(0, n)), y = static_cast<double>(value(1, n));
+    const double w = static_cast<double>(value(2, n)), h = static_cast<double>(value(3, n));
+    add_candidate(detections, n, static_cast<int>(best), score,
+                  to_image(x - w / 2, y - h / 2, x + w / 2, y + h / 2, fit, image));
+  }
+  return detections;
+}
+
+int class_of(float label, const Tensor& tensor, const std::string& model) {
+  if (!(label >= 0 && label < kMaxLabel)) {
+    throw InputError(model, 0,
+                     fmt::format("output '{}' has the label {}, which is no class", tensor.name, label));
+  }
+  return static_cast<int>(label);
+}
+
+/// Of a list 1 x N x (6 + P).
+std::vector<Detection> yolo_selection(const Tensor& predictions, const Letterbox& fit, cv::Size image,
+                                      const DetectionOptions& options, const std::string& model) {
+  const std::int64_t columns = predictions.dim(2);
+  std::vector<Detection> detections;
+  for (std::int64_t n = 0; n < predictions.dim(1); ++n) {
+    const float* row = predictions.data.data() + n * columns;
+    if (row[4] < options.min_score) continue;
+    add_candidate(detections, n, class_of(row[5], predictions, model), row[4],
+                  to_image(static_cast<double>(row[0]), static_cast<double>(row[1]),
+                           static_cast<double>(row[2]), static_cast<double>(row[3]), fit, image));
+  }
+  return detections;
+}
+
 void strongest_first(std::vector<Detection>& detections) {
   std::stable_sort(detections.begin(), detections.end(),
                    [](const Detection& a, const Detection& b) { return a.score > b.score; });
@@ -104,6 +159,10 @@ void suppress_overlaps(std::vector<Detection>& detections, float max_overlap) {
   detections = std::move(kept);
 }
 
+bool is_yolo_selection(const Tensor& predictions, std::int64_t prototypes) {
+  return predictions.shape.size() == 3 && predictions.dim(2) == kSelectedRow + prototypes;
+}
+
 std::vector<Detection> decode_yolo(const Tensor& predictions, const Tensor& prototypes, const Letterbox& fit,
                                    cv::Size image, const DetectionOptions& options,
                                    const std::string& model) {
@@ -112,33 +171,14 @@ std::vector<Detection> decode_yolo(const Tensor& predictions, const Tensor& prot
   if (prototypes.shape.size() != 4 || prototypes.dim(0) != 1) refuse(model, prototypes, "1 x P x H x W");
   require_data(model, predictions);
   require_data(model, prototypes);
-  const std::int64_t rows = predictions.dim(1), columns = predictions.dim(2), P = prototypes.dim(1);
-  const std::int64_t classes = rows - 4 - P;
-  if (classes < 1 || P < 1 || prototypes.dim(2) < 1 || prototypes.dim(3) < 1) {
+  const std::int64_t P = prototypes.dim(1);
+  const bool selection = is_yolo_selection(predictions, P);
+  const std::int64_t classes = predictions.dim(1) - 4 - P;
+  if ((!selection && classes < 1) || P < 1 || prototypes.dim(2) < 1 || prototypes.dim(3) < 1) {
     refuse(model, predictions, fmt::format("1 x (4 + classes + {}) x N", P));
   }
-  const auto value = [&](std::int64_t row, std::int64_t column) {
-    return predictions.data[static_cast<std::size_t>(row * columns + column)];
-  };
-  std::vector<Detection> detections;
-  for (std::int64_t n = 0; n < columns; ++n) {
-    std::int64_t best = 0;
-    for (std::int64_t c = 1; c < classes; ++c) {
-      if (value(4 + c, n) > value(4 + best, n)) best = c;
-    }
-    const float score = value(4 + best, n);
-    if (score < options.min_score) continue;
-    const double x = static_cast<double>(value(0, n)), y = static_cast<double>(value(1, n));
-    const double w = static_cast<double>(value(2, n)), h = static_cast<double>(value(3, n));
-    Detection d;
-    d.category = static_cast<int>(best);
-    d.score = score;
-    d.box = to_image(x - w / 2, y - h / 2, x + w / 2, y + h / 2, fit, image);
-    if (d.box.area() == 0) continue;
-    d.mask =
-        cv::Mat(1, 1, CV_32S, cv::Scalar(static_cast<double>(n)));  // remembers its column until it is kept
-    detections.push_back(std::move(d));
-  }
+  std::vector<Detection> detections = selection ? yolo_selection(predictions, fit, image, options, model)
+                                                : yolo_candidates(predictions, classes, fit, image, options);
   suppress_overlaps(detections, options.max_overlap);
   if (static_cast<int>(detections.size()) > options.max_detections)
     detections.resize(static_cast<std::size_t>(options.max_detections));
@@ -154,8 +194,11 @@ std::vector<Detection> decode_yolo(const Tensor& predictions, const Tensor& prot
                                 (1 - static_cast<double>(options.mask_threshold)));
   for (Detection& d : detections) {
     const std::int64_t n = d.mask.at<int>(0);
-    for (std::int64_t p = 0; p < P; ++p)
-      coefficients.at<float>(static_cast<int>(p)) = value(4 + classes + p, n);
+    for (std::int64_t p = 0; p < P; ++p) {
+      const std::int64_t at =
+          selection ? n * predictions.dim(2) + kSelectedRow + p : (4 + classes + p) * predictions.dim(2) + n;
+      coefficients.at<float>(static_cast<int>(p)) = predictions.data[static_cast<std::size_t>(at)];
+    }
     logits = coefficients * planes;
     d.mask = sample_box(logits.reshape(1, ph), d.box, ax, bx, ay, by) > level;
   }
@@ -185,13 +228,8 @@ std::vector<Detection> decode_mask_rcnn(const Tensor& boxes, const Tensor& label
     const float* b = boxes.data.data() + 4 * k;
     const double x1 = static_cast<double>(b[0]), y1 = static_cast<double>(b[1]),
                  x2 = static_cast<double>(b[2]), y2 = static_cast<double>(b[3]);
-    if (!(labels.data[k] >= 0 && labels.data[k] < kMaxLabel)) {
-      throw InputError(
-          model, 0,
-          fmt::format("output '{}' has the label {}, which is no class", labels.name, labels.data[k]));
-    }
     Detection d;
-    d.category = static_cast<int>(labels.data[k]);
+    d.category = class_of(labels.data[k], labels, model);
     d.score = scores.data[k];
     d.box = to_image(x1, y1, x2, y2, fit, image);
     if (d.box.area() == 0 || !(x2 > x1) || !(y2 > y1)) continue;
@@ -217,7 +255,7 @@ std::vector<Detection> decode_mask_rcnn(const Tensor& boxes, const Tensor& label
 }
 
 cv::Mat decode_semantic(const Tensor& output, const Letterbox& fit, cv::Size image, bool align_corners,
-                        const std::string& model) {
+                        const std::string& model, std::optional<float> threshold) {
   const int rank = static_cast<int>(output.shape.size());
   if ((rank != 3 && rank != 4) || output.dim(0) != 1) refuse(model, output, "1 x C x H x W or 1 x H x W");
   require_data(model, output);
@@ -244,6 +282,11 @@ cv::Mat decode_semantic(const Tensor& output, const Letterbox& fit, cv::Size ima
     by = (uy + 0.5) * sy - 0.5;
   }
   cv::Mat labels(image, CV_8UC1, cv::Scalar(0));
+  if (classes == 1 && threshold) {
+    const cv::Mat map(h, w, CV_32F, const_cast<float*>(output.data.data()));
+    labels.setTo(1, sample_box(map, all, ax, bx, ay, by) > static_cast<double>(*threshold));
+    return labels;
+  }
   if (classes == 1) {  // labels already
     const cv::Mat map(h, w, CV_32F, const_cast<float*>(output.data.data()));
     for (int v = 0; v < image.height; ++v) {

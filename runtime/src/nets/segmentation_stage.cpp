@@ -26,6 +26,15 @@ std::optional<SegmentedFrame> SegmentationStage::next() {
   return async_ ? queue_.pop() : process();
 }
 
+std::string SegmentationStage::describe() {
+  if (thread_.joinable()) {
+    thread_.request_stop();
+    queue_.close();
+    thread_.join();
+  }
+  return segmenter().describe();
+}
+
 void SegmentationStage::work(const std::stop_token& stop) {
   step_back(StepBack::far);
   try {

@@ -44,6 +44,7 @@ std::vector<Voxel> occupied(const SemanticOcTree& tree, int depth) {
 json map_payload(const RunFolder& run, std::size_t most, std::vector<std::string>& thinned) {
   if (!run.has_map()) return nullptr;
   const auto tree = load_map(map_file_in(run.folder));
+  const MapClasses names = load_map_classes(map_file_in(run.folder));
   int depth = static_cast<int>(tree->getTreeDepth());
   std::vector<Voxel> voxels = occupied(*tree, depth);
   const std::size_t all = voxels.size();
@@ -78,7 +79,7 @@ json map_payload(const RunFolder& run, std::size_t most, std::vector<std::string
     if (count[label] == 0) continue;
     const auto name = static_cast<std::uint8_t>(label);
     classes.push_back({{"label", label},
-                       {"name", class_name(name)},
+                       {"name", names.name(name)},
                        {"colour", class_colour(name)},
                        {"count", count[label]}});
   }

@@ -22,6 +22,7 @@ RunMap::RunMap(const CameraConfig& camera, const SemanticMapperOptions& options,
       margin_(cv::getStructuringElement(cv::MORPH_RECT, {2 * kMaskMargin + 1, 2 * kMaskMargin + 1})) {}
 
 void RunMap::load(const std::filesystem::path& folder, const ScanOwner& owner) {
+  mapper_.add_classes(load_map_classes(map_file_in(folder)));
   if (std::filesystem::exists(folder / "scans.bin"))
     mapped_ = mapper_.load_scans(folder / "scans.bin", owner);
 }
@@ -57,7 +58,7 @@ void RunMap::save(const std::filesystem::path& out) {
   mapper_.save(out / kMapFile);
   std::error_code ignored;  // the map of an earlier run by dynslam 0.1.0: this one takes its place
   if (is_semantic_map(out / kEarlierMapFile)) std::filesystem::remove(out / kEarlierMapFile, ignored);
-  export_map(mapper_.tree(), out / "map_color.ot");
+  export_map(mapper_.tree(), out / "map_color.ot", mapper_.classes());
 }
 
 }  // namespace dynslam::runtime

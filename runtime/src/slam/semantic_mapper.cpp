@@ -169,8 +169,16 @@ void SemanticMapper::run(Scans& scans) {
   scans_.insert(scans_.end(), std::make_move_iterator(scans.begin()), std::make_move_iterator(scans.end()));
 }
 
+void SemanticMapper::add_classes(const MapClasses& classes) {
+  for (std::uint8_t label = 0; label < kMapLabels; ++label) {
+    if (!classes.own(label) || options_.classes.set(label, classes.name(label))) continue;
+    throw UsageError(fmt::format("label {} is '{}' in the map that is loaded, and '{}' here", label,
+                                 classes.name(label), options_.classes.name(label)));
+  }
+}
+
 void SemanticMapper::save(const std::filesystem::path& path) const {
-  save_map(tree_, path);
+  save_map(tree_, path, options_.classes);
 }
 
 std::size_t SemanticMapper::retained_bytes() const {

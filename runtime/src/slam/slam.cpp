@@ -30,6 +30,7 @@ SemanticMapperOptions mapper_options(const SlamOptions& options) {
   SemanticMapperOptions result = options.mapper;
   result.resolution = options.map_resolution;
   result.max_bytes = options.map_memory;
+  if (options.network) result.classes = with_classes(result.classes, options.network->segmenter.map_classes);
   return result;
 }
 

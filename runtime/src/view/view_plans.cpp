@@ -168,7 +168,7 @@ void ViewPlans::draw_map(cv::Mat& canvas, const ViewScene& scene) {
   std::vector<std::pair<std::string, cv::Scalar>> legend;
   for (const std::uint8_t label : labels_) {
     const Rgb c = class_colour(label);
-    legend.emplace_back(class_name(label), cv::Scalar(c[2], c[1], c[0]));
+    legend.emplace_back(scene.classes.name(label), cv::Scalar(c[2], c[1], c[0]));
   }
   draw_frame(canvas, layout_.map, "map from above", legend);
 }

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "dynslam/interop/octomap_semantic_tree.hpp"
+#include "dynslam/runtime/io/map_classes.hpp"
 #include "dynslam/runtime/io/mask_reader.hpp"
 
 namespace dynslam::runtime {
@@ -22,7 +23,7 @@ using Rgb = std::array<std::uint8_t, 3>;
 
 /// Colour of a class in pictures and exports.
 [[nodiscard]] Rgb class_colour(std::uint8_t label);
-/// "background", "person", "chair", "display", or "label N".
+/// "background", "person", "chair", "display", or "label N": without the names of a map's own classes.
 [[nodiscard]] std::string class_name(std::uint8_t label);
 /// Colour of a voxel in pictures and exports: of its class where it has one, else the one that was seen
 /// (never exactly a class's colour, so the class can be told from the colour).
@@ -37,12 +38,16 @@ inline constexpr const char* kEarlierMapFile = "map.ot";
 [[nodiscard]] std::filesystem::path map_file_in(const std::filesystem::path& folder);
 
 /// Writes a map as an OctoMap file of type SemanticOcTree, `.sot`: everything, exactly. Goes through a
-/// temporary file.
+/// temporary file. Own names of classes go into the header, as comments "# label N NAME".
 /// @throws InputError
-void save_map(const interop::SemanticOcTree& tree, const std::filesystem::path& path);
+void save_map(const interop::SemanticOcTree& tree, const std::filesystem::path& path,
+              const MapClasses& classes = {});
 /// Reads what save_map() wrote, whatever its name. @throws InputError naming the file: missing, of another
 /// type, cut short or corrupt
 [[nodiscard]] std::unique_ptr<interop::SemanticOcTree> load_map(const std::filesystem::path& path);
+
+/// Names of the classes of a saved map; those of every map where the file has no others or cannot be read.
+[[nodiscard]] MapClasses load_map_classes(const std::filesystem::path& path);
 
 /// Whether a file is a map as save_map() writes it, by its first lines; false where it cannot be read.
 [[nodiscard]] bool is_semantic_map(const std::filesystem::path& path);
@@ -55,7 +60,8 @@ void save_map(const interop::SemanticOcTree& tree, const std::filesystem::path& 
 ///   .ply  one vertex per occupied cell: centre [m], colour, label, confidence, edge [m]; no free space.
 ///   .txt  the summary of to_text(). .json: of to_json().
 /// @throws UsageError for another extension, InputError when the file cannot be written
-void export_map(const interop::SemanticOcTree& tree, const std::filesystem::path& path);
+void export_map(const interop::SemanticOcTree& tree, const std::filesystem::path& path,
+                const MapClasses& classes = {});
 
 /// What a map holds. Voxels are counted at full resolution, whatever is pruned.
 struct MapSummary {
@@ -64,6 +70,7 @@ struct MapSummary {
   std::size_t occupied = 0, free = 0;
   std::array<std::size_t, kMapLabels> occupied_of_label{};
   std::array<double, kMapLabels> confidence_of_label{};  ///< mean over the label's voxels
+  MapClasses classes{};                                  ///< names of the labels
   std::array<double, 3> low{}, high{};  ///< box of what is occupied [m]; equal where nothing is
 
   [[nodiscard]] double volume(std::size_t voxels) const {  ///< m^3
@@ -71,7 +78,7 @@ struct MapSummary {
   }
 };
 /// Counts the leaves of a map.
-[[nodiscard]] MapSummary summarize(const interop::SemanticOcTree& tree);
+[[nodiscard]] MapSummary summarize(const interop::SemanticOcTree& tree, const MapClasses& classes = {});
 /// As `map info` prints it.
 [[nodiscard]] std::string to_text(const MapSummary& summary);
 /// As `map info --json` prints it.

@@ -20,6 +20,7 @@ struct Tensor {
   std::string name;
   std::vector<std::int64_t> shape;
   std::vector<float> data;  ///< row-major, product of shape values
+  bool whole = false;       ///< the network's own type has whole numbers alone (integers, booleans)
 
   /// Size of dimension `i` counted from the end for negative i; 1 beyond the rank.
   [[nodiscard]] std::int64_t dim(int i) const {
@@ -32,7 +33,12 @@ struct Tensor {
 struct TensorInfo {
   std::string name;
   std::vector<std::int64_t> shape;
+  int type = 0;  ///< of its numbers, TensorProto.DataType of onnx.proto; 0: not said
 };
+/// Name of such a type, "float", "uint8" and the like.
+[[nodiscard]] std::string element_type_name(int type);
+/// Whether numbers of such a type are whole.
+[[nodiscard]] bool is_whole_type(int type);
 
 /// What runs a network.
 enum class EngineKind { automatic, onnxruntime, opencv };
@@ -43,7 +49,7 @@ enum class EngineKind { automatic, onnxruntime, opencv };
 class InferenceEngine {
  public:
   virtual ~InferenceEngine() = default;
-  /// Runs the network on one float tensor.
+  /// Runs the network on one tensor, which is converted where the network takes half precision.
   /// @throws InputError naming the model when the engine refuses
   virtual void run(std::span<const float> input, std::span<const std::int64_t> shape,
                    std::vector<Tensor>& outputs) = 0;

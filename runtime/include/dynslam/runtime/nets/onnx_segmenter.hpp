@@ -3,6 +3,9 @@
 
 #include "dynslam/push_macros.hpp"
 
+#include <array>
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <opencv2/core.hpp>
@@ -11,8 +14,11 @@
 #include <string_view>
 #include <vector>
 
+#include "dynslam/runtime/io/map_classes.hpp"
 #include "dynslam/runtime/io/mask_reader.hpp"
+#include "dynslam/runtime/nets/class_meanings.hpp"
 #include "dynslam/runtime/nets/inference_engine.hpp"
+#include "dynslam/runtime/nets/model_output.hpp"
 #include "dynslam/runtime/nets/segmentation_decoders.hpp"
 
 namespace dynslam::runtime {
@@ -29,45 +35,54 @@ struct SegmenterOptions {
   std::filesystem::path model;  ///< .onnx
   EngineKind engine = EngineKind::automatic;
   ModelKind kind = ModelKind::automatic;
-  int threads = 1;  ///< of the network; the tracker needs a core of its own
+  ModelOutput output = ModelOutput::automatic;  ///< what the only channel of a semantic network holds
+  std::string output_name;                      ///< of the semantic output; empty: found by name and shape
+  int threads = 1;                              ///< of the network; the tracker needs a core of its own
   DetectionOptions detection;
   std::vector<std::string> dynamic_classes{"person"};
   std::vector<std::string>
-      map_classes;  ///< for the map; empty: those of chair, tv, tvmonitor, display that the model has
+      map_classes;    ///< for the map; empty: those of chair, tv, tvmonitor, display that the model has
+  MapClasses labels;  ///< those that the map has so far; `map_classes` may add to them
   cv::Size input{640, 480};  ///< where the graph leaves the size open
 };
 
 /// A segmentation network in an ONNX file.
 class OnnxSegmenter {
  public:
-  /// @throws InputError for a file that is no such network, UsageError for a class that it does not have
+  /// @throws InputError for a file that is no such network, with what it seems to be; UsageError for a class
+  /// that it does not have
   explicit OnnxSegmenter(const SegmenterOptions& options);
 
   /// Masks of one image (CV_8UC3, BGR), of the image's size. Not to be called by two threads at once.
+  /// @throws InputError where the network's values are not what its kind has
   [[nodiscard]] Masks segment(const cv::Mat& bgr);
 
   [[nodiscard]] ModelKind kind() const { return kind_; }
   [[nodiscard]] const std::vector<std::string>& classes() const { return classes_; }
   [[nodiscard]] std::string_view engine() const { return engine_->name(); }
+  /// What was recognised, in a line: kind, outputs, what their values are, which classes are used for what.
+  [[nodiscard]] std::string describe() const;
 
  private:
-  struct Meaning {
-    bool dynamic = false;
-    Label label = Label::background;
-  };
-
-  void find_kind();
+  void recognise();
   void find_classes();
-  void assign_meanings();
   void fill_input(const cv::Mat& bgr);
-  [[nodiscard]] const Tensor& output(std::string_view name) const;
+  void run(const cv::Mat& bgr);
+  [[nodiscard]] Masks decode(cv::Size image);
+  [[nodiscard]] Masks decode_classes(cv::Size image);
+  [[nodiscard]] const Tensor& output(std::size_t role) const { return outputs_[roles_[role]]; }
 
   SegmenterOptions options_;
   std::unique_ptr<InferenceEngine> engine_;
   ModelKind kind_ = ModelKind::automatic;
   std::vector<std::string> classes_;  // by the index the network uses; empty names have no class
-  std::vector<Meaning> meanings_;
-  std::vector<std::int64_t> shape_;  // of the input
+  std::size_t named_ = 0;             // of them, by the file; 0: they are of a built-in list
+  std::string names_from_;            // for the user
+  std::int64_t channels_ = 0;         // of a semantic network
+  std::vector<ClassMeaning> meanings_;
+  std::array<std::size_t, 4> roles_{};   // places of the outputs that are decoded, see ModelOutputs
+  std::optional<ChannelReader> reader_;  // of a network with one channel
+  std::vector<std::int64_t> shape_;      // of the input
   Letterbox fit_;
   std::vector<float> input_;
   std::vector<Tensor> outputs_;

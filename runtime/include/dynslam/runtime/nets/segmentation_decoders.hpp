@@ -4,6 +4,7 @@
 #include "dynslam/push_macros.hpp"
 
 #include <opencv2/core.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -40,9 +41,13 @@ struct DetectionOptions {
   int max_detections = 100;
 };
 
+/// Whether a YOLO list holds what a suppression inside the network has left: 1 x N x (6 + P).
+/// @param prototypes  their number P
+[[nodiscard]] bool is_yolo_selection(const Tensor& predictions, std::int64_t prototypes);
+
 /// Instances of a YOLOv8 or YOLO11 segmentation head.
 /// @param predictions  1 x (4 + classes + P) x N: centre x, y, width, height in input pixels, scores,
-/// coefficients
+/// coefficients; or, with the suppression inside, 1 x N x (6 + P): x1, y1, x2, y2, score, class, coefficients
 /// @param prototypes   1 x P x H x W
 /// @throws InputError (naming `model`) where shapes contradict each other or values are not finite
 [[nodiscard]] std::vector<Detection> decode_yolo(const Tensor& predictions, const Tensor& prototypes,
@@ -59,10 +64,12 @@ struct DetectionOptions {
                                                       const std::string& model);
 
 /// Class of each pixel of the image, CV_8UC1, from logits 1 x C x h x w (interpolated before the
-/// strongest is taken) or a label map 1 x h x w or 1 x 1 x h x w (nearest).
+/// strongest is taken) or from one channel 1 x h x w or 1 x 1 x h x w: a label map (nearest) or, with a
+/// threshold, one class, 1 where the interpolated value is above it.
 /// @param align_corners  corner pixels of logits and input coincide (DeepLab); otherwise their borders do
 [[nodiscard]] cv::Mat decode_semantic(const Tensor& output, const Letterbox& fit, cv::Size image,
-                                      bool align_corners, const std::string& model);
+                                      bool align_corners, const std::string& model,
+                                      std::optional<float> threshold = std::nullopt);
 
 /// Drops the weaker of two boxes of one class that overlap too much; strongest first.
 void suppress_overlaps(std::vector<Detection>& detections, float max_overlap);

@@ -39,6 +39,8 @@ class SegmentationStage {
   std::optional<SegmentedFrame> next();
 
   [[nodiscard]] const OnnxSegmenter& segmenter() const { return segmenter_.segmenter(); }
+  /// OnnxSegmenter::describe(), when the frames have ended: the stage's thread is ended first.
+  [[nodiscard]] std::string describe();
 
  private:
   [[nodiscard]] std::optional<SegmentedFrame> process();

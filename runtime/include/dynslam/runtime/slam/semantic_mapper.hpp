@@ -17,6 +17,7 @@
 #include "dynslam/geometry/any_camera.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/interop/octomap_semantic_tree.hpp"
+#include "dynslam/runtime/io/map_classes.hpp"
 #include "dynslam/runtime/slam/map_scan.hpp"
 #include "dynslam/runtime/threads/bounded_queue.hpp"
 #include "dynslam/semantic/log_odds.hpp"
@@ -42,6 +43,7 @@ struct SemanticMapperOptions {
   bool retain_scans = true;  ///< keep what repose() needs, about 400 kB per keyframe
   /// Of those that are kept, how many show the same view at most, see retire_scans(); 0: all are kept.
   int scans_per_view = 0;
+  MapClasses classes;  ///< names of the labels, saved with the tree
 
   /// Those of a run: the first scan of a view, and as many as take a voxel to its bounds but one.
   [[nodiscard]] static SemanticMapperOptions of_run() {
@@ -116,6 +118,11 @@ class SemanticMapper {
                   const std::vector<int>& names = {}) const;
   /// Keyframes of the scans that save_scans() writes. Valid after finish().
   [[nodiscard]] std::vector<int> saved_keyframes() const;
+  /// Names of the labels.
+  [[nodiscard]] const MapClasses& classes() const { return options_.classes; }
+  /// Takes over the names of a map whose scans are loaded.
+  /// @throws UsageError where one of its labels has another name here
+  void add_classes(const MapClasses& classes);
   /// Valid after finish().
   [[nodiscard]] const interop::SemanticOcTree& tree() const { return tree_; }
   /// Memory of the retained scans. Valid after finish().

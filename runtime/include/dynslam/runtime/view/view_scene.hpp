@@ -55,6 +55,7 @@ struct ViewScene {
   std::vector<StampedPose<double>> trajectory;  ///< T_w_c by time; the last one is where the camera is now
   std::vector<StampedPose<double>> truth;       ///< ground truth, in the trajectory's world; may be empty
   std::vector<ViewVoxel> voxels;
+  MapClasses classes{};         ///< names of their labels
   std::size_t map_version = 0;  ///< another number where `voxels` are others
   bool paused = false;
 };
