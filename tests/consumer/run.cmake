@@ -16,7 +16,7 @@ set(project tests/consumer)
 if(MODE STREQUAL "examples")
   set(project examples)
   list(APPEND options -D
-    "CMAKE_CXX_FLAGS=-Wall -Wextra -Wpedantic -Wconversion -Wshadow -Werror -Wno-maybe-uninitialized")
+    "CMAKE_CXX_FLAGS=-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Werror -Wno-maybe-uninitialized")
 endif()
 execute_process(
   COMMAND ${CMAKE_COMMAND} -S ${SOURCE}/${project} -B ${WORK}/build -G ${GENERATOR}

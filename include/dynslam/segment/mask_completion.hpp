@@ -55,7 +55,7 @@ std::size_t complete_surfaces(const D& depth, Mask&& mask, const Criterion& crit
       std::size_t on = 0;
       for (const PixelRun& run : ws.runs) {
         const auto row = image_row(mask, run.v);
-        for (int x = run.begin; x < run.end; ++x) on += row[x] != 0 ? 1 : 0;
+        for (int x = run.begin; x < run.end; ++x) on += row[x] != 0 ? 1U : 0U;
       }
       if (on == size) continue;
       const double least = share(std::span<const PixelRun>(ws.runs));

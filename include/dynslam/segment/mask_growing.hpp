@@ -172,7 +172,7 @@ MaskGrowingResult grow_mask(const D& depth, const Last& last, Seed&& seed, Barri
     std::size_t size = 0, was = 0;
     for (const PixelRun& run : runs) {
       size += static_cast<std::size_t>(run.end - run.begin);
-      for (int u = run.begin; u < run.end; ++u) was += last(u, run.v) != 0 ? 1 : 0;
+      for (int u = run.begin; u < run.end; ++u) was += last(u, run.v) != 0 ? 1U : 0U;
     }
     return static_cast<double>(was) < options.was * static_cast<double>(size) ? options.whole : options.still;
   };

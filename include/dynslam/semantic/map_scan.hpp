@@ -80,7 +80,7 @@ struct MapScan {
     std::size_t surface = 0;
     for (std::size_t k = 0; k < code.size(); ++k) {
       if (use(k) > Use::surface) return false;
-      surface += use(k) == Use::surface ? 1 : 0;
+      surface += use(k) == Use::surface ? 1U : 0U;
     }
     return rgb.size() == 3 * surface;
   }
