@@ -11,6 +11,11 @@ function(dynslam_warnings target)
     $<$<BOOL:${DYNSLAM_WERROR}>:-Werror>)
 endfunction()
 
+# Further ones that users of the core have: for what includes its headers and instantiates them.
+function(dynslam_header_warnings target)
+  target_compile_options(${target} PRIVATE -Wsign-conversion -Wold-style-cast -Wextra-semi -Wnon-virtual-dtor)
+endfunction()
+
 # Settings of tests, by DYNSLAM_TEST_OPTIMIZATION if it is given. With COMPUTES their time to run counts: -O1 then.
 # A test's own lines are not in a debugger then: they are an eighth of clang's time.
 function(dynslam_test_settings target)

@@ -56,6 +56,7 @@ function(dynslam_check_self_containment)
     set_target_properties(${part} PROPERTIES UNITY_BUILD OFF)
     target_link_libraries(${part} PRIVATE ${ARGN})
     dynslam_warnings(${part})
+    dynslam_header_warnings(${part})
     target_compile_options(${part} PRIVATE -O0 -g0)
     list(LENGTH sources_${part} count)
     if(reached_${part} AND count GREATER 3)  # what fewer need is not worth a precompiled header

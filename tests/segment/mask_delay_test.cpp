@@ -69,7 +69,7 @@ Box moved(const Box& box, int x, int y) {
 std::size_t different(const Mask& a, const Mask& b) {
   std::size_t n = 0;
   for (int v = 0; v < a.height(); ++v)
-    for (int u = 0; u < a.width(); ++u) n += (a(u, v) != 0) != (b(u, v) != 0) ? 1 : 0;
+    for (int u = 0; u < a.width(); ++u) n += (a(u, v) != 0) != (b(u, v) != 0) ? 1U : 0U;
   return n;
 }
 
