@@ -26,6 +26,7 @@
 #include "format_options.hpp"
 #include "progress_line.hpp"
 #include "report_command.hpp"
+#include "segmentation_options.hpp"
 #include "validators.hpp"
 #include "view_window.hpp"
 
@@ -52,47 +53,6 @@ void stop_on_signals() {
 std::string describe(const rt::Progress& p) {
   return fmt::format("{}/{} frames, {:.1f} frames/s, {:.0f} s left{}", p.done, p.total, p.fps, p.seconds_left,
                      p.lost > 0 ? fmt::format(", {} without a pose", p.lost) : std::string());
-}
-
-void add_segmentation_options(CLI::App& app, rt::SegmentationStageOptions& s) {
-  app.add_option("--model", s.segmenter.model,
-                 "Segmentation network, FILE.onnx: Mask R-CNN, YOLOv8/11-seg, DeepLab and the like");
-  app.add_option_function<std::string>(
-         "--engine", [&s](const std::string& name) { s.segmenter.engine = *rt::parse_engine(name); },
-         "What runs the network: auto, onnxruntime, opencv")
-      ->default_str("auto")
-      ->check(CLI::IsMember({"auto", "onnxruntime", "opencv"}));
-  app.add_option_function<std::string>(
-         "--model-kind", [&s](const std::string& name) { s.segmenter.kind = *rt::parse_model_kind(name); },
-         "What the network's outputs mean: auto, yolo, mask-rcnn, semantic")
-      ->default_str("auto")
-      ->check(CLI::IsMember({"auto", "yolo", "mask-rcnn", "semantic"}));
-  app.add_option("--dynamic-classes", s.segmenter.dynamic_classes, "Classes that move by themselves")
-      ->delimiter(',')
-      ->capture_default_str();
-  app.add_option("--map-classes", s.segmenter.map_classes,
-                 "Classes that the map labels (default: chairs and displays)")
-      ->delimiter(',');
-  app.add_option("--min-score", s.segmenter.detection.min_score, "Score from which a detection counts")
-      ->capture_default_str()
-      ->check(number_in(0.0, 1.0));
-  app.add_option("--network-threads", s.segmenter.threads, "Threads of the network, 1 to 64")
-      ->capture_default_str()
-      ->check(number_in(1, 64));
-  app.add_option_function<std::string>(
-         "--segment-every", [&s](const std::string& text) { s.every = text == "auto" ? 0 : std::stoi(text); },
-         "The network sees every so many frames, or (auto) ten a second; masks are carried between them")
-      ->default_str("1")
-      ->type_name("N|auto")
-      ->check(CLI::IsMember({"auto"}) | whole_in(1, 1000));
-  app.add_option_function<std::string>(
-         "--segment", [&s](const std::string& how) { s.async = how == "async"; },
-         "sync: before each frame is tracked; async: ahead, on a thread of its own (same results)")
-      ->default_str("async")
-      ->check(CLI::IsMember({"sync", "async"}));
-  app.add_option("--keep-masks", s.keep, "Cut masks to the object's depth and carry missed ones forward")
-      ->capture_default_str();
-  app.add_option("--cache-masks", s.cache, "Folder that keeps the network's masks for the next run");
 }
 
 void add_slam_options(CLI::App& app, rt::RunOptions& o) {
@@ -152,9 +112,7 @@ void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_
   app.add_option("--out,-o", o.out, fmt::format("Folder for the results (default: {})", default_out));
   add_camera_option(app, o.camera);
   add_format_options(app, o.format, o.topics, o.rate);
-  app.add_option(
-      "--masks", o.masks,
-      "Folder of a-priori masks, <time stamp>.png: 0/255 masks, labels (8 bit) or instances (16 bit)");
+  add_mask_options(app, o);
   app.add_flag("--report", o.report, "Write report.html, one file to look at in a browser");
   add_segmentation_options(app, o.segmentation);
   add_slam_options(app, o);
@@ -213,6 +171,17 @@ std::string separate_report(const rt::RunSummary& summary) {
   return text;
 }
 
+/// What gave the a-priori masks, and whether it marked anything.
+std::string mask_report(const rt::RunOptions& options, const rt::RunSummary& summary) {
+  std::string text;
+  const bool files = !options.masks.empty();
+  if (!summary.masks_from.empty() && (files || options.verbose))
+    text = fmt::format("{}: {}\n", files ? "masks" : "network", summary.masks_from);
+  if (rt::uses_semantic(options.dynamics) && !summary.live && summary.masked == 0 && summary.tracked > 0)
+    text += fmt::format("no a-priori mask marks anything dynamic in any of {} frames\n", summary.frames);
+  return text;
+}
+
 /// What a live run dropped, and how late the rest was.
 std::string live_report(const rt::RunSummary& summary) {
   if (!summary.live) return {};
@@ -264,8 +233,8 @@ int run_sequence(const rt::RunOptions& options, bool with_view) {
   std::cout << fmt::format("{} of {} frames tracked ({} lost, {} broken), {:.1f} frames/s; results in {}\n",
                            summary.tracked, summary.frames, summary.lost, summary.broken, summary.fps,
                            options.out.string())
-            << separate_report(summary) << live_report(summary) << accuracy(options, sequence, summary)
-            << std::flush;
+            << mask_report(options, summary) << separate_report(summary) << live_report(summary)
+            << accuracy(options, sequence, summary) << std::flush;
   if (summary.interrupted) return interrupted();
   if (options.report) print_report({options.out}, {});
   return 0;
@@ -283,6 +252,9 @@ int ablate_sequence(const rt::RunOptions& options) {
   for (const rt::AblationRow& row : ablation.rows) {
     const std::string mode(rt::to_string(row.mode));
     report_problems(row.run, options.out / mode, mode + ": ");
+    rt::RunOptions run = options;
+    run.dynamics = row.mode;
+    std::cout << mask_report(run, row.run);
   }
   if (!ablation.rows.empty()) {
     std::cout << rt::to_text(ablation)
@@ -317,6 +289,8 @@ RunCommand::RunCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
           "Masks to use: none, semantic, geometric, both (default: both with --model or --masks, else "
           "geometric)")
       ->check(CLI::IsMember({"none", "semantic", "geometric", "both"}));
+  o.command->add_flag("--verbose,-v", o.run.verbose,
+                      "Say what was recognised: the network's outputs, values and classes");
   o.command->add_flag("--view", o.view, "Show the run in a window while it goes on");
   o.command->add_flag("--save-masks", o.run.save_masks, "Write the dynamic masks (255 = dynamic)");
   o.command->add_flag_callback(

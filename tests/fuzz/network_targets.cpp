@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <array>
 #include <cstring>
 #include <fstream>
 #include <numeric>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/nets/model_output.hpp"
 #include "dynslam/runtime/nets/segmentation_decoders.hpp"
+#include "io/mask_image.hpp"
+#include "mask_files.hpp"
+#include "nets/model_recognition.hpp"
 #include "nets/onnx_header.hpp"
 #include "run_fixture.hpp"
 #include "targets.hpp"
@@ -61,6 +66,55 @@ class Source {
 
 const cv::Size kImage(64, 48);
 
+/// Outputs of any shapes: a segmenter or a line that says what it is.
+void model_outputs(Bytes bytes) {
+  Source in(bytes);
+  const std::array<const char*, 6> names{"output0", "output1", "boxes", "masks", "out", "depth"};
+  std::vector<Tensor> outputs;
+  for (int count = in.below(5); count > 0; --count) {
+    Tensor t{names[static_cast<std::size_t>(in.below(6))], {}, {}, in.below(2) == 1};
+    for (int rank = in.below(6); rank > 0; --rank)
+      t.shape.push_back(in.below(2) == 0 ? in.below(40) : 4 * in.below(40));
+    outputs.push_back(std::move(t));
+  }
+  try {
+    (void)recognise_outputs(outputs, {"m.onnx", ModelKind::automatic, "", {64, 48}, {}});
+  } catch (const InputError&) {
+  }
+}
+
+/// Values of one channel over two frames.
+void channel(Bytes bytes) {
+  Source in(bytes);
+  const int classes = in.below(4);
+  ChannelReader reader(ModelOutput::automatic, static_cast<std::size_t>(classes), "m.onnx");
+  try {
+    for (int frame = 0; frame < 2; ++frame) reader.look(in.tensor({1, 1, 3, 4}));
+  } catch (const InputError&) {
+  }
+  (void)reader.describe();
+}
+
+void mask_file(Bytes bytes) {
+  for (const bool by_index : {false, true}) {
+    try {
+      (void)read_mask_image(EncodedImage("m.png", text_of(bytes)), by_index);
+    } catch (const InputError&) {
+    }
+  }
+}
+
+/// A mask of every kind.
+std::vector<std::string> mask_files() {
+  const test::TemporaryFolder folder;
+  std::vector<std::string> files;
+  for (const test::MaskFiles& kind : test::every_kind_of_mask()) {
+    kind.write(folder.path / "m.png", {32, 24});
+    files.push_back(test::bytes(folder.path / "m.png"));
+  }
+  return files;
+}
+
 void yolo(Bytes bytes) {
   Source in(bytes);
   const int classes = 1 + in.below(3), prototypes = 1 + in.below(3), boxes = in.below(5);
@@ -111,6 +165,9 @@ void add_network_targets(std::vector<Target>& targets) {
                        return std::vector<std::string>{
                            std::string("\x08\x08\x3a\x03\x12\x01g\x72\x08\x0a\x01k\x12\x03val", 17)};
                      }});
+  targets.push_back({"model_outputs", model_outputs, [] { return plausible(20); }});
+  targets.push_back({"channel", channel, [] { return plausible(30); }});
+  targets.push_back({"mask_file", mask_file, mask_files});
   targets.push_back({"yolo", yolo, [] { return plausible(200); }});
   targets.push_back({"mask_rcnn", mask_rcnn, [] { return plausible(1600); }});
   targets.push_back({"semantic", semantic, [] { return plausible(150); }});

@@ -11,7 +11,6 @@
 #include "dynslam/runtime/evaluation/evaluate.hpp"
 #include "dynslam/runtime/io/camera.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
-#include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/run/run_sequence.hpp"
@@ -275,32 +274,6 @@ TEST_CASE("a stream may be dropped while its queue is full") {
   const Sequence sequence = load_sequence(tum.path);
   FrameStream stream(sequence, load_camera(sequence.camera_hint), StreamOptions{1});
   CHECK(stream.next());
-}
-
-TEST_CASE("masks: binary, labels, instances, missing and unusable ones") {
-  const test::TemporaryFolder folder;
-  cv::Mat binary = cv::Mat::zeros(48, 64, CV_8UC1), labels = binary.clone(),
-          instances = cv::Mat::zeros(48, 64, CV_16UC1);
-  binary(cv::Rect(5, 5, 10, 10)) = 255;
-  labels(cv::Rect(0, 0, 8, 8)) = 1;
-  labels(cv::Rect(20, 20, 8, 8)) = 2;
-  instances(cv::Rect(30, 30, 5, 5)) = 300;
-  write_image(folder.path / "1.png", binary);
-  write_image(folder.path / "2.png", labels);
-  write_image(folder.path / "3.png", instances);
-  write_image(folder.path / "4.png", cv::Mat(4, 4, CV_8UC1));
-  write_image(folder.path / "5.png", cv::Mat(48, 64, CV_8UC3));
-  MaskSource source(folder.path);
-  CHECK(cv::countNonZero(source.read("1", 64, 48)->dynamic) == 100);
-  const auto labelled = source.read("2", 64, 48);
-  CHECK(cv::countNonZero(labelled->dynamic) == 64);  // the person, not the chair
-  CHECK(labelled->labels.at<std::uint8_t>(22, 22) == 2);
-  CHECK(cv::countNonZero(source.read("3", 64, 48)->dynamic) == 25);
-  CHECK_FALSE(source.read("absent", 64, 48));
-  CHECK(source.missing() == 1);
-  CHECK(mentions(error_of([&] { (void)source.read("4", 64, 48); }), "is 4x4"));
-  CHECK(mentions(error_of([&] { (void)source.read("5", 64, 48); }), "is neither"));
-  CHECK(mentions(error_of([&] { MaskSource absent(folder.path / "absent"); }), "is not a folder"));
 }
 
 TEST_CASE("mask figures by hand; missing predictions count as empty") {

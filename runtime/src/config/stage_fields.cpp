@@ -168,6 +168,7 @@ void list(FieldList& f, TrajectoryOptions& o) {
 void list(FieldList& f, RunOptions& o) {
   // left out: sequence: given for each run
   // left out: out: given for each run
+  // left out: verbose: changes nothing of the results
   // left out: save_map: given for each run, which would replace the map that it started from
   // left out: dynamics: config_fields() has it, which may leave it open
   f.section("general");
@@ -178,6 +179,10 @@ void list(FieldList& f, RunOptions& o) {
   f("topics", o.topics, "", "topics of a bag, COLOUR,DEPTH; empty: by looking at it");
   f("rate", o.rate, "1/s", "frame rate of formats without time stamps", between(0.01, 10000));
   f("masks", o.masks, "", "folder of a-priori masks; empty: none");
+  f("mask_labels", o.mask_labels, "",
+    "what their values mean, \"15=person\" and the like or one of voc, coco, cityscapes, instances, binary; "
+    "empty: "
+    "by looking at them");
   f("save_masks", o.save_masks, "", "write the dynamic masks");
   f("report", o.report, "", "write report.html, and what it shows of each frame into report.jsonl");
   f("map", o.map, "", "build and save map.sot");

@@ -79,6 +79,11 @@ EncodedImage::EncodedImage(std::filesystem::path name, std::string content)
   if (!fault.empty()) refuse("is damaged: " + fault);
 }
 
+std::vector<std::array<std::uint8_t, 3>> EncodedImage::palette() const {
+  if (!png_) return {};
+  return png_->palette;
+}
+
 cv::Mat EncodedImage::decode(int flags) const {
   const Bytes bytes = bytes_of(content_);
   cv::Mat image;

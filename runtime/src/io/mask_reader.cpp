@@ -3,12 +3,12 @@
 
 #include <fmt/format.h>
 
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
+#include "io/mask_image.hpp"
+#include "io/mask_rule.hpp"
 
 namespace dynslam::runtime {
 
@@ -17,7 +17,12 @@ MaskSource::MaskSource(std::filesystem::path folder, MaskOptions options)
   if (!std::filesystem::is_directory(folder_))
     throw InputError(folder_.string(), 0, "is not a folder of masks");
   if (std::filesystem::is_directory(folder_ / "label")) folder_ /= "label";
+  (void)mask_class_names(options_);  // before hours are spent
 }
+
+MaskSource::~MaskSource() = default;
+MaskSource::MaskSource(MaskSource&&) noexcept = default;
+MaskSource& MaskSource::operator=(MaskSource&&) noexcept = default;
 
 std::optional<Masks> MaskSource::read(const std::string& stamp, int width, int height) {
   const std::filesystem::path path = folder_ / (stamp + ".png");
@@ -30,25 +35,15 @@ std::optional<Masks> MaskSource::read(const std::string& stamp, int width, int h
     throw InputError(path.string(), 0,
                      fmt::format("is {}x{}, the images are {}x{}", size.width, size.height, width, height));
   }
-  const cv::Mat image = file.decode(cv::IMREAD_UNCHANGED);
-  Masks masks;
-  if (image.type() == CV_16UC1) {
-    masks.instances = image;
-    masks.dynamic = image != 0;
-  } else if (image.type() == CV_8UC1) {
-    const cv::Mat between = (image != 0) & (image != 255);
-    if (cv::countNonZero(between) == 0) {
-      masks.dynamic = image;
-      cv::connectedComponents(image, masks.instances, 8, CV_16U);
-    } else {
-      masks.labels = image;
-      masks.dynamic = cv::Mat::zeros(image.size(), CV_8UC1);
-      for (const std::uint8_t label : options_.dynamic_labels) masks.dynamic |= image == label;
-    }
-  } else {
-    throw InputError(path.string(), 0, "is neither an 8-bit mask or label image nor a 16-bit instance image");
-  }
+  if (!rule_) rule_ = std::make_unique<MaskRule>(folder_, options_, cv::Size(width, height));
+  Masks masks = rule_->apply(read_mask_image(file, rule_->by_index()), path);
+  ++files_;
+  marked_ += cv::countNonZero(masks.dynamic) > 0 ? 1 : 0;
   return masks;
+}
+
+std::string MaskSource::describe() const {
+  return rule_ ? rule_->describe() : std::string();
 }
 
 }  // namespace dynslam::runtime

@@ -33,15 +33,21 @@ void read_header(PngBytes header, PngFile& file) {
   const auto side = [&](std::size_t at) {
     return static_cast<int>(std::min<std::uint32_t>(big_endian(header, at), std::numeric_limits<int>::max()));
   };
-  constexpr int kGrey = 0, kColour = 2;
+  constexpr int kGrey = 0, kColour = 2, kIndexed = 3;
   file.size = {side(0), side(4)};
   file.bits = header[8];
   const int kind = header[9], compression = header[10], filters = header[11], interlaced = header[12];
+  file.indexed = kind == kIndexed;
   file.channels = kind == kGrey ? 1 : kind == kColour ? 3 : 0;
   const bool known =
       (kind == kGrey && (file.bits == 8 || file.bits == 16)) || (kind == kColour && file.bits == 8);
   file.plain = known && compression == 0 && filters == 0 && interlaced == 0 && file.size.width > 0 &&
                file.size.height > 0;
+}
+
+void read_palette(PngBytes entries, PngFile& file) {
+  for (std::size_t at = 0; at + 3 <= entries.size(); at += 3)
+    file.palette.push_back({entries[at], entries[at + 1], entries[at + 2]});
 }
 
 // --- filters: what a row holds is the difference to a prediction (the PNG specification, 9.2)
@@ -227,6 +233,7 @@ PngFile open_png(PngBytes bytes, int longest_side) {
       return fails("the check sum of its chunk " + std::string(name) + " differs");
     if (name == "IEND") break;
     if (name == "IDAT") file.data.push_back({at + 8, length});
+    if (name == "PLTE" && file.indexed) read_palette(bytes.subspan(at + 8, length), file);
     special = special || name == "tRNS" || (critical && name != "IHDR" && name != "PLTE" && name != "IDAT");
     at += kChunkFrame + length;
   }

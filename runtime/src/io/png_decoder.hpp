@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <span>
@@ -13,14 +15,16 @@ namespace dynslam::runtime {
 /// and 5.4).
 struct PngFile {
   cv::Size size;
-  int bits = 0;        ///< of a sample
-  int channels = 0;    ///< samples of a pixel; 0: another kind than grey and colour
-  bool plain = false;  ///< what decode_plain_png() reads
+  int bits = 0;          ///< of a sample
+  int channels = 0;      ///< samples of a pixel; 0: another kind than grey and colour
+  bool indexed = false;  ///< pixels are indices of the palette
+  bool plain = false;    ///< what decode_plain_png() reads
   struct Part {
     std::size_t at = 0, length = 0;  ///< in the file [bytes]
   };
-  std::vector<Part> data;  ///< the compressed rows
-  std::string fault;       ///< what is wrong with it; empty: nothing
+  std::vector<Part> data;                            ///< the compressed rows
+  std::vector<std::array<std::uint8_t, 3>> palette;  ///< red, green, blue of each index; empty: no palette
+  std::string fault;                                 ///< what is wrong with it; empty: nothing
 };
 
 /// @param bytes  of the file

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/saved_map.hpp"
 #include "io/make_folder.hpp"
 
@@ -27,6 +28,25 @@ void check_request(const RunOptions& options) {
                                  options.out.string()));
 }
 
+namespace {
+
+MapClasses loaded_classes(const RunOptions& options) {
+  return options.load_map.empty() ? MapClasses() : load_map_classes(map_file_in(options.load_map));
+}
+
+}  // namespace
+
+MaskOptions mask_options(const RunOptions& options) {
+  const SegmenterOptions& s = options.segmentation.segmenter;
+  return {options.mask_labels, s.dynamic_classes, s.map_classes, loaded_classes(options)};
+}
+
+MapClasses map_classes(const RunOptions& options) {
+  if (!uses_semantic(options.dynamics)) return loaded_classes(options);
+  if (!uses_network(options)) return labels_of_masks(mask_options(options));
+  return with_classes(loaded_classes(options), options.segmentation.segmenter.map_classes);
+}
+
 SlamOptions slam_options(const RunOptions& options) {
   SlamOptions result;
   // Else without a network: its masks are made ahead, on a thread of their own.
@@ -38,6 +58,8 @@ SlamOptions slam_options(const RunOptions& options) {
   result.seed = options.seed;
   result.tracker = options.tracker;
   result.mapper = options.mapper;
+  result.mapper.classes = map_classes(options);
+  if (result.network) result.network->segmenter.labels = loaded_classes(options);
   result.new_map = options.new_map;
   result.trajectory = options.trajectory;
   return result;

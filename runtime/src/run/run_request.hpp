@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/runtime/run/run_sequence.hpp"
 #include "dynslam/runtime/slam.hpp"
 
@@ -9,6 +10,10 @@ namespace dynslam::runtime {
 [[nodiscard]] bool uses_network(const RunOptions& options);
 /// @throws UsageError  options that contradict each other
 void check_request(const RunOptions& options);
+/// How its mask files are read.
+[[nodiscard]] MaskOptions mask_options(const RunOptions& options);
+/// Names of the labels of its map: those of the map that it goes on in, then its own.
+[[nodiscard]] MapClasses map_classes(const RunOptions& options);
 /// The system that a run is made with.
 [[nodiscard]] SlamOptions slam_options(const RunOptions& options);
 

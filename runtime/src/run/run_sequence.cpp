@@ -114,7 +114,8 @@ Run::Run(const RunOptions& options, const RunWatch& watch)
       sequence_(load_sequence(options.sequence, sequence_options(options))),
       camera_(camera_of(sequence_, options.camera)),
       pace_(options.live_speed) {
-  if (uses_semantic(options.dynamics) && !uses_network(options)) masks_.emplace(options.masks, MaskOptions{});
+  if (uses_semantic(options.dynamics) && !uses_network(options))
+    masks_.emplace(options.masks, mask_options(options));
   summary_.interrupted = true;  // until the run has ended
   prepare_outputs();
   start_stages();
@@ -145,8 +146,11 @@ void Run::start_stages() {
   if (!options_.save_map.empty()) check_map_folder(options_.save_map);
   wall_ = Stopwatch();
   stream_ = std::make_unique<FrameStream>(sequence_, camera_, stream);
-  if (uses_network(options_) && !live_)
-    segmentation_ = std::make_unique<SegmentationStage>(*stream_, options_.segmentation);
+  if (uses_network(options_) && !live_) {
+    SegmentationStageOptions network = options_.segmentation;
+    network.segmenter.labels = mask_options(options_).map_labels;
+    segmentation_ = std::make_unique<SegmentationStage>(*stream_, network);
+  }
 }
 
 /// The output is proven writable before hours are spent on computing it.
@@ -220,6 +224,7 @@ void Run::take(SegmentedFrame& input) {
 void Run::note(const RgbdFrame& frame, const TrackResult& result, const cv::Mat& semantic,
                const RunTimings::Row& times) {
   const std::string& stamp = frame.stamp;
+  summary_.masked += !semantic.empty() && cv::countNonZero(semantic) > 0 ? 1 : 0;
   if (result.mask_rejected != MaskVerdict::kept)
     summary_.masks_rejected.emplace_back(stamp, result.mask_rejected);
   if (result.ok()) {
@@ -291,6 +296,8 @@ void Run::save(const std::atomic<bool>& stop) {
   const bool stopped = stop.load();
   if (live_) attempt([&] { live_->finish(); });  // or it has failed: nobody else uses what follows
   attempt([&] { count_missing_masks(); });
+  if (masks_) summary_.masks_from = masks_->describe();
+  if (segmentation_) summary_.masks_from = segmentation_->describe();
   attempt([&] { judge_broken(); });
   attempt([&] { slam_->finish(); });
   take_trajectories();

@@ -73,6 +73,7 @@ std::string summary_json(const RunOptions& options, const CameraConfig& camera, 
                           {"merged", loop.merged},
                           {"shift_m", loop.D.translation().norm()}});
   }
+  if (!s.masks_from.empty()) j["masks"] = {{"read_as", s.masks_from}, {"frames_marked", s.masked}};
   j["masks_rejected"] = s.masks_rejected.size();
   j["mask_rejected"] = nlohmann::json::array();
   for (const auto& [stamp, why] : s.masks_rejected)

@@ -11,6 +11,7 @@
 
 #include "dynslam/eval/trajectory.hpp"
 #include "dynslam/runtime/view/view_painter.hpp"
+#include "run/run_request.hpp"
 #include "threads/thread_priority.hpp"
 #include "view/work_share.hpp"
 
@@ -61,7 +62,9 @@ struct LiveView::State {
   };
 
   State(ViewScreen& s, const RunOptions& o, const std::atomic<bool>& stop_run)
-      : screen(s), stop(stop_run), dynamics(o.dynamics), map(o.map) {}
+      : screen(s), stop(stop_run), dynamics(o.dynamics), map(o.map) {
+    scene.classes = map_classes(o);
+  }
 
   void see(const WatchedFrame& seen);
   void take(const WatchedFrame& seen);

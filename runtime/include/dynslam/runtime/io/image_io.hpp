@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <string>
+#include <vector>
 
 namespace dynslam::runtime {
 
@@ -23,6 +26,10 @@ class EncodedImage {
   /// What such a file would hold. @throws InputError with this name
   EncodedImage(std::filesystem::path name, std::string content);
   [[nodiscard]] cv::Size size() const { return size_; }
+  /// Red, green and blue of each index of a PNG with a palette, which decode() replaces by colours; empty:
+  /// it has none.
+  [[nodiscard]] std::vector<std::array<std::uint8_t, 3>> palette() const;
+  [[nodiscard]] bool is_jpeg() const { return !png_; }
   /// @param flags  cv::ImreadModes @throws InputError naming the file
   [[nodiscard]] cv::Mat decode(int flags) const;
 

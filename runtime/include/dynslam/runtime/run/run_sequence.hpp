@@ -29,8 +29,10 @@ struct RunOptions {
   double rate = 30;    ///< frames per second, of formats without time stamps
   DynamicsMode dynamics = DynamicsMode::both;
   std::filesystem::path masks;            ///< folder of a-priori masks; empty: none
+  std::vector<std::string> mask_labels;   ///< what their values mean, see MaskOptions::labels
   SegmentationStageOptions segmentation;  ///< used where its model is set; not together with `masks`
   bool save_masks = false;
+  bool verbose = false;          ///< for who prints the summary: what was recognised, too
   bool report = false;           ///< record what write_report() shows beside the other files: report.jsonl
   bool map = true;               ///< build and save map.sot
   double map_resolution = 0.05;  ///< metres
@@ -81,6 +83,8 @@ struct RunSummary {
   std::vector<LoopClosing> loops;
   std::vector<std::pair<std::string, MaskVerdict>> masks_rejected;  ///< time stamps of frames, and why
   std::vector<std::string> problems;                                ///< one line each, in order of frames
+  std::string masks_from;  ///< what gave the a-priori masks and how it was read, in a line; empty: nothing
+  std::size_t masked = 0;  ///< frames in which an a-priori mask marks something
   bool interrupted = false;
   std::optional<LiveStatistics> live;  ///< of a live run
   /// Of `lost`, frames that have a pose in a map of their own, whose place was never recognised:
