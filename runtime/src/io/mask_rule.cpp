@@ -22,7 +22,7 @@ constexpr std::size_t kSurveyed = 16;          // files that decide, spread over
 constexpr int kHalf = 128, kDeepHalf = 32768;  // from which on a grey value belongs to the mask
 constexpr int kOwnLabels = 3;                  // highest of this library's label images
 constexpr std::size_t kContinuous = 128;  // grey values that no list of classes has: a mask with wide rims
-constexpr int kVocPerson = 15, kVoid = 255;
+constexpr int kVocPerson = 15;
 constexpr const char* kHint =
     "say what they are: --mask-labels 15=person, or voc, coco, cityscapes, instances or binary";
 
@@ -134,8 +134,9 @@ struct MaskRule::Survey {
   }
 };
 
-MaskRule::MaskRule(fs::path folder, const MaskOptions& options, cv::Size size) : folder_(std::move(folder)) {
-  name_classes(options);
+MaskRule::MaskRule(fs::path folder, const MaskOptions& options, cv::Size size)
+    : folder_(std::move(folder)), options_(options) {
+  name_classes();
   const Survey survey = look(size);
   if (survey.storages.size() > 1) {
     throw InputError(folder_.string(), 0,
@@ -149,28 +150,28 @@ MaskRule::MaskRule(fs::path folder, const MaskOptions& options, cv::Size size) :
   describe(survey);
 }
 
-void MaskRule::name_classes(const MaskOptions& options) {
-  if (options.labels.empty()) return;
+void MaskRule::name_classes() {
+  if (options_.labels.empty()) return;
   named_ = true;
   reason_ = "--mask-labels";
-  how_ = is_word(options, "instances") ? How::instances
-         : is_word(options, "binary")  ? How::one_value
-                                       : How::labels;
+  how_ = is_word(options_, "instances") ? How::instances
+         : is_word(options_, "binary")  ? How::one_value
+                                        : How::labels;
   if (how_ != How::labels) return;
-  const std::vector<std::string> names = mask_class_names(options);
+  const std::vector<std::string> names = mask_class_names(options_);
   // Whoever gives a class a number by hand wants it in the map.
-  std::vector<std::string> mapped = options.map_classes;
-  if (options.labels.front().find('=') != std::string::npos) {
+  std::vector<std::string> mapped = options_.map_classes;
+  if (options_.labels.front().find('=') != std::string::npos) {
     for (const std::string& name : names) {
       const auto among = [&](const std::vector<std::string>& v) {
         return std::find(v.begin(), v.end(), name) != v.end();
       };
-      if (!name.empty() && name != "background" && !among(options.dynamic_classes) && !among(mapped))
+      if (!name.empty() && name != "background" && !among(options_.dynamic_classes) && !among(mapped))
         mapped.push_back(name);
     }
   }
   const auto meanings =
-      class_meanings(names, options.dynamic_classes, mapped, options.map_labels, "--mask-labels");
+      class_meanings(names, options_.dynamic_classes, mapped, options_.map_labels, "--mask-labels");
   std::copy(meanings.begin(), meanings.end(), meanings_.begin());
   reason_ += ": " + describe_meanings(names, meanings);
 }
@@ -268,10 +269,11 @@ void MaskRule::decide_indexed(const Survey& survey) {
   const auto has = [&](int value) { return survey.count[static_cast<std::size_t>(value)] > 0; };
   if (survey.voc && (has(kVocPerson) || !in_a_row)) {
     const std::vector<std::string> names = list(kVoc21);
-    const auto meanings = class_meanings(names, {"person"}, {}, {}, "VOC");
+    const auto meanings = class_meanings(names, options_.dynamic_classes, options_.map_classes,
+                                         options_.map_labels, "Pascal VOC");
     std::copy(meanings.begin(), meanings.end(), meanings_.begin());
     how_ = How::labels;
-    reason_ = "label images with Pascal VOC's palette, dynamic where 15 (person)";
+    reason_ = "label images with Pascal VOC's palette; " + describe_meanings(names, meanings);
   } else if (survey.voc) {
     how_ = How::instances;
     reason_ = fmt::format(

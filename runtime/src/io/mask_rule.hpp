@@ -36,7 +36,7 @@ class MaskRule {
   enum class How { unknown, above, one_value, labels, instances };
   struct Survey;
 
-  void name_classes(const MaskOptions& options);
+  void name_classes();
   [[nodiscard]] Survey look(cv::Size size) const;
   void decide(const Survey& survey);
   void decide_grey(const Survey& survey);
@@ -47,6 +47,7 @@ class MaskRule {
   [[nodiscard]] bool is_dynamic(int value) const;
 
   std::filesystem::path folder_;
+  MaskOptions options_;
   How how_ = How::unknown;
   MaskStorage storage_ = MaskStorage::grey;
   int value_ = 0;                             // above: from here on; one_value: this one
