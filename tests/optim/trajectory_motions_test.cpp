@@ -110,7 +110,7 @@ std::function<Vector3d(double)> braked(double deceleration, double from) {
 
 TEST_CASE("a camera that brakes by 10 m/s^2 brakes, and is smoothed before and after") {
   test::Rng random("brakes");
-  for (const double rate : {5.0, 10.0, 15.0, 30.0, 60.0}) {
+  for (const double rate : {10.0, 15.0, 30.0, 60.0}) {
     for (const double noise : {0.0002, 0.001, 0.002, 0.005}) {
       CAPTURE(rate);
       CAPTURE(noise);
@@ -122,7 +122,7 @@ TEST_CASE("a camera that brakes by 10 m/s^2 brakes, and is smoothed before and a
 
 TEST_CASE("a camera that stops at once stops") {
   test::Rng random("stops");
-  for (const double rate : {5.0, 10.0, 15.0, 30.0, 60.0}) {
+  for (const double rate : {10.0, 15.0, 30.0, 60.0}) {
     for (const double noise : {0.0002, 0.001, 0.002, 0.005}) {
       CAPTURE(rate);
       CAPTURE(noise);
@@ -185,11 +185,15 @@ TEST_CASE("a hand that shakes at 5 Hz shakes") {
   }
 }
 
-TEST_CASE("few poses per second of a hand's motion are left where their neighbours know nothing of them") {
+TEST_CASE("at 5 poses per second neighbours know nothing of a hand's motion, and nothing is changed") {
   test::Rng random("few per second");
   for (const double noise : {0.0002, 0.001, 0.002, 0.005}) {
     CAPTURE(noise);
-    check_neutral(measure(by_hand, 20, 5, random, white(noise)));
+    Measured m = measure(by_hand, 20, 5, random, white(noise));
+    const auto before = m.poses;
+    CHECK(smooth_trajectory<double>(m.poses).status == SmoothingStatus::too_few_poses);
+    for (std::size_t i = 0; i < before.size(); ++i)
+      CHECK(m.poses[i].T_c_w.translation() == before[i].T_c_w.translation());
   }
 }
 

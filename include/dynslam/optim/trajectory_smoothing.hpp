@@ -21,10 +21,10 @@ namespace dynslam {
 
 /// Options of smooth_trajectory.
 struct SmoothingOptions {
-  double nu = 5;             ///< degrees of freedom of the t-distribution of the poses' errors
-  int iterations = 8;        ///< of the weights by that
-  double longest_gap = 0.3;  ///< time without a pose over which nothing is known of the motion [s]
-  int min_poses = 12;        ///< in a row: of fewer the noise cannot be told
+  double nu = 5;              ///< degrees of freedom of the t-distribution of the poses' errors
+  int iterations = 8;         ///< of the weights by that
+  double longest_gap = 0.15;  ///< without a pose [s]: half a period of 3 Hz, the fastest that a hand moves
+  int min_poses = 12;         ///< in a row: of fewer the noise cannot be told
   /// Between the largest and the smallest weight of two poses: covariances of matches know no common error.
   double max_ratio = 100;
   /// Farthest that a pose is moved, in its own standard deviations: recorded outliers lie at 3 to 8, what
