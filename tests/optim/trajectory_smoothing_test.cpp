@@ -79,7 +79,7 @@ TEST_CASE_TEMPLATE("what poses err by themselves is averaged away, at every nois
 
 TEST_CASE_TEMPLATE("exact poses stay where they are, also where a camera makes long steps", S, float,
                    double) {
-  for (const double rate : {30.0, 5.0}) {
+  for (const double rate : {30.0, 10.0}) {
     CAPTURE(rate);
     auto poses = carried_poses<S>(0, 150, rate);
     REQUIRE(smooth_trajectory<S>(poses).ok());
@@ -126,8 +126,16 @@ TEST_CASE("the smoothed centres and their noise are those of a dense solution th
   const Eigen::MatrixXd smooth = solve(w);
   std::vector<double> left_out;
   for (Eigen::Index i = 0; i < n; ++i) {
-    CHECK((poses[static_cast<std::size_t>(i)].T_c_w.inverse().translation() - smooth.row(i).transpose())
-              .norm() < 1e-8);
+    // Of the movement along the path, what stamps that err have of the noise is missing.
+    const Eigen::Vector3d path =
+        (c.row(std::min(n - 1, i + 1)) - c.row(std::max<Eigen::Index>(0, i - 1))).transpose().normalized();
+    const Eigen::Vector3d moved =
+        poses[static_cast<std::size_t>(i)].T_c_w.inverse().translation() - c.row(i).transpose();
+    const Eigen::Vector3d solved = (smooth.row(i) - c.row(i)).transpose();
+    const double along = path.dot(solved), share = path.dot(moved) / along;
+    CHECK((moved - solved - path * (share - 1) * along).norm() < 1e-8);
+    CHECK(share > 0.05);
+    CHECK(share < 1 + 1e-6);
     Eigen::VectorXd others = w;
     others(i) = 1e-12;
     left_out.push_back(w(i) * (solve(others).row(i) - c.row(i)).squaredNorm());
@@ -154,14 +162,23 @@ TEST_CASE_TEMPLATE("a camera that rests and then makes a quick movement makes it
     CHECK((pose.T_c_w.inverse().translation().template cast<double>() - centre(pose.t)).norm() < 0.0015);
 }
 
-TEST_CASE_TEMPLATE("a pose that is far off pulls none of the others", S, float, double) {
+TEST_CASE_TEMPLATE("a pose that is far off may be a jolt, and pulls none of the others", S, float, double) {
   auto poses = carried_poses<S>(0.002);
   Eigen::Matrix<S, 6, 1> jump = Eigen::Matrix<S, 6, 1>::Zero();
   jump(0) = S(0.1);
   poses[100].T_c_w = SE3<S>::exp(jump) * poses[100].T_c_w;
+  const auto before = poses;
   REQUIRE(smooth_trajectory<S>(poses).ok());
-  CHECK(centre_error(poses[100]) < 0.01);
-  for (const std::size_t i : {96U, 98U, 99U, 101U, 102U, 104U}) CHECK(centre_error(poses[i]) < 0.004);
+  CHECK((poses[100].T_c_w.translation() - before[100].T_c_w.translation()).norm() < S(1e-6));
+  for (const std::size_t i : {97U, 98U, 99U, 101U, 102U, 103U})
+    CHECK(centre_error(poses[i]) < 1e-6 + centre_error(before[i]));
+  for (const std::size_t i : {94U, 95U, 96U, 104U, 105U, 106U}) CHECK(centre_error(poses[i]) < 0.004);
+  // One that is off by some of its standard deviations is brought back.
+  poses = carried_poses<S>(0.002);
+  jump(0) = S(0.012);
+  poses[100].T_c_w = SE3<S>::exp(jump) * poses[100].T_c_w;
+  REQUIRE(smooth_trajectory<S>(poses).ok());
+  CHECK(centre_error(poses[100]) < 0.005);
 }
 
 TEST_CASE_TEMPLATE("a pose that states how little it knows counts less", S, float, double) {

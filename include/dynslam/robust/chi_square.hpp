@@ -13,6 +13,8 @@ inline constexpr double kChiSquare95 = Dimension == 1 ? 3.841 : Dimension == 2 ?
 
 /// Median of chi-square with 2 degrees of freedom, 2 ln 2: half of true pixel residuals lie below.
 inline constexpr double kChiSquareMedian2 = 1.3863;
+/// And with 1.
+inline constexpr double kChiSquareMedian1 = 0.4549;
 /// And with 3.
 inline constexpr double kChiSquareMedian3 = 2.366;
 

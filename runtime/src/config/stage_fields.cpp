@@ -161,6 +161,9 @@ void list(FieldList& f, SmoothingOptions& o) {
     kPositive);
   f("min_poses", o.min_poses, "frames", "poses in a row from which on they are smoothed", from(4));
   f("max_ratio", o.max_ratio, "", "between the largest and the smallest weight of two poses", from(1));
+  f("max_move", o.max_move, "", "own standard deviations beyond which a pose is left where it was measured",
+    kPositive);
+  f("margin", o.margin, "", "ratio of squared errors of prediction that is more than chance", from(1));
 }
 
 void list(FieldList& f, TrajectoryOptions& o) {
