@@ -193,9 +193,8 @@ std::string accuracy(const rt::RunOptions& options, const rt::Sequence& sequence
                      const rt::RunSummary& summary) {
   if (sequence.groundtruth.empty()) return {};
   try {
-    return rt::to_text(rt::evaluate_trajectory(summary.trajectory, sequence.groundtruth,
-                                               (options.out / "trajectory.txt").string(),
-                                               sequence.truth_file.string()));
+    return rt::to_text(rt::evaluate_run(summary.trajectory, summary.live_trajectory, sequence.groundtruth,
+                                        options.out, sequence.truth_file.string()));
   } catch (const rt::InputError& error) {
     return fmt::format("no ATE and RPE: {}\n", error.what());
   }
