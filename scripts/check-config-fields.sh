@@ -106,10 +106,6 @@ faults=$(find "${folders[@]}" -name '*.hpp' -o -name '*.cpp' |
       left_out[type, name] = 1
     } else if (type != "" && match($0, /static_cast<[A-Za-z_0-9]+/)) {
       bases[type, substr($0, RSTART + 12, RLENGTH - 12)] = 1
-    } else if (match($0, /\{"[a-z_]+", &[A-Za-z]+::[a-z_]+\}/)) {
-      split(substr($0, RSTART, RLENGTH), pair, /[":&{}, ]+/)
-      tables[pair[3]] = 1
-      listed[pair[3], pair[4]] = 1
     }
     body = body " " trim($0)
     next

@@ -40,7 +40,10 @@ struct EvaluateCommand::Options {
 EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   Options& o = *o_;
   o.trajectory = app.add_subcommand("eval", "ATE and RPE (1 s) of a trajectory, as TUM's tools compute them");
-  o.trajectory->add_option("estimate", o.estimate, "Trajectory in TUM format, or the folder of a run")
+  o.trajectory
+      ->add_option("estimate", o.estimate,
+                   "Trajectory in TUM format, or the folder of a run, of which both are compared: in the "
+                   "end, and as the frames came")
       ->required();
   o.trajectory
       ->add_option("groundtruth", o.groundtruth,
@@ -83,6 +86,8 @@ bool EvaluateCommand::chosen() const {
 
 int EvaluateCommand::run() const {
   const Options& o = *o_;
+  if (*o.trajectory && std::filesystem::is_directory(o.estimate))
+    return print(runtime::evaluate_run(o.estimate, o.groundtruth, o.reading), o.json);
   if (*o.trajectory) return print(runtime::evaluate_trajectory(o.estimate, o.groundtruth, o.reading), o.json);
   if (*o.masks && o.truth.empty()) return print(runtime::mask_shares(o.predicted), o.json);
   if (*o.masks) return print(runtime::evaluate_masks(o.predicted, o.truth, o.widen), o.json);

@@ -111,6 +111,11 @@ void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_
       ->required();
   app.add_option("--out,-o", o.out, fmt::format("Folder for the results (default: {})", default_out));
   add_camera_option(app, o.camera);
+  app.add_option(
+         "--readout-time", o.readout_time,
+         "Time in which the camera reads its rows [s], -0.2 to 0.2, in place of the camera's; 0: all at "
+         "once")
+      ->check(number_in(-0.2, 0.2));
   add_format_options(app, o.format, o.topics, o.rate);
   add_mask_options(app, o);
   app.add_flag("--report", o.report, "Write report.html, one file to look at in a browser");
@@ -151,9 +156,8 @@ std::string accuracy(const rt::RunOptions& options, const rt::Sequence& sequence
                      const rt::RunSummary& summary) {
   if (sequence.groundtruth.empty()) return {};
   try {
-    return rt::to_text(rt::evaluate_trajectory(summary.trajectory, sequence.groundtruth,
-                                               (options.out / "trajectory.txt").string(),
-                                               sequence.truth_file.string()));
+    return rt::to_text(rt::evaluate_run(summary.trajectory, summary.live_trajectory, sequence.groundtruth,
+                                        options.out, sequence.truth_file.string()));
   } catch (const rt::InputError& error) {
     return fmt::format("no ATE and RPE: {}\n", error.what());
   }

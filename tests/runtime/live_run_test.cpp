@@ -57,7 +57,8 @@ TEST_CASE("where all frames may wait, a live run has the results of one that wai
   REQUIRE(live.live);
   CHECK(live.live->latency_max > 0);
   CHECK_FALSE(expected.live);
-  for (const char* file : {"trajectory.txt", "keyframes.txt", "map.sot", "masks/1000000.666667.png"})
+  for (const char* file :
+       {"trajectory.txt", "trajectory_live.txt", "keyframes.txt", "map.sot", "masks/1000000.666667.png"})
     CHECK(bytes(out.path / "live" / file) == bytes(out.path / "run" / file));
   CHECK(first_line(out.path / "live" / "timings.csv").find(",frame,latency,mask_age_s,rss_mb,") !=
         std::string::npos);
@@ -101,7 +102,8 @@ TEST_CASE("a live run that is stopped, or fails, saves what it has") {
   };
   CHECK_THROWS_WITH_AS((void)run_sequence(live_options_for(out.path / "b", 1000), kNeverStop, fail),
                        "the display is gone", std::runtime_error);
-  CHECK(read_trajectory(out.path / "b" / "trajectory.txt").size() == 12);
+  for (const char* file : {"trajectory.txt", "trajectory_live.txt"})
+    CHECK(read_trajectory(out.path / "b" / file).size() == 12);
 
   RunOptions full = live_options_for(out.path / "c", 1000);
   full.map_memory = 1000;  // bytes: the first keyframe is too many

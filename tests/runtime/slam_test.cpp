@@ -125,10 +125,43 @@ TEST_CASE("frames in memory give what a run over their files gives, map and mask
   fs::create_directories(out.path / "own");
   slam.save_octree(out.path / "own");
   write_trajectory(out.path / "own" / "trajectory.txt", slam.trajectory());
+  write_trajectory(out.path / "own" / "trajectory_live.txt", slam.live_trajectory());
   write_trajectory(out.path / "own" / "keyframes.txt", slam.keyframe_trajectory());
-  for (const char* file : {"trajectory.txt", "keyframes.txt", "map.sot", "map_color.ot"})
+  for (const char* file :
+       {"trajectory.txt", "trajectory_live.txt", "keyframes.txt", "map.sot", "map_color.ot"})
     CHECK(bytes(out.path / "run" / file) == bytes(out.path / "own" / file));
   CHECK(slam.octree()->size() > 100);
+}
+
+TEST_CASE("the live trajectory is what track() returned, to the last bit, whatever came later") {
+  Slam slam(walk().camera);
+  std::vector<StampedPose<double>> returned;
+  const auto same = [&] {
+    const auto& live = slam.live_trajectory();
+    REQUIRE(live.size() == returned.size());
+    for (std::size_t i = 0; i < live.size(); ++i) {
+      CHECK(live[i].t == returned[i].t);
+      CHECK(live[i].T_w_c.matrix() == returned[i].T_w_c.matrix());
+    }
+  };
+  CHECK(slam.live_trajectory().empty());
+  for (std::size_t i = 0; i < walk().frames.size(); ++i) {
+    const RawFrame& f = walk().frames[i];
+    const bool covered = i == 10 || i == 11;
+    const TrackResult result = slam.track(covered ? cv::Mat(f.bgr.size(), f.bgr.type(), cv::Scalar()) : f.bgr,
+                                          f.depth, f.t, std::nullopt, f.depth_delay);
+    CHECK(result.ok() == !covered);
+    if (result.ok()) returned.push_back({f.t, result.T_w_c, 0});
+    same();
+  }
+  slam.finish();
+  same();
+  // In the end other poses are known, of frames that were lost, too.
+  const auto last = slam.trajectory();
+  CHECK(last.size() >= returned.size());
+  CHECK(last.back().T_w_c.matrix() != returned.back().T_w_c.matrix());
+  slam.reset();
+  CHECK(slam.live_trajectory().empty());
 }
 
 TEST_CASE("images of any stride and of each type that is allowed give the same; so does a second walk") {

@@ -158,6 +158,50 @@ TEST_CASE("eval prints the documented JSON, from options of a config file too") 
   }
 }
 
+TEST_CASE("eval of a run's folder prints both trajectories; of a file, or an earlier version's folder, one") {
+  const dynslam::test::TemporaryFolder folder;
+  const std::string path = folder.path.string(), gt = path + "/gt.txt";
+  const auto write = [&](const std::string& name, double wobble) {
+    std::ofstream out(path + "/" + name);
+    for (int i = 0; i < 90; ++i)
+      out << i / 30.0 << ' ' << std::sin(0.1 * i) << ' ' << std::cos(0.1 * i) << ' '
+          << 0.01 * i + (i % 2 == 0 ? wobble : -wobble) << " 0 0 0 1\n";
+  };
+  write("gt.txt", 0);
+  write("trajectory.txt", 0.01);
+  const ProgramResult earlier = call("eval " + path + " " + gt);
+  const ProgramResult file = call("eval " + path + "/trajectory.txt " + gt);
+  REQUIRE(earlier.code == 0);
+  CHECK(file.out.find("trajectory") == std::string::npos);
+  CHECK(earlier.out == "In the end (trajectory.txt)\n" + file.out + "no live trajectory: " + path +
+                           "/trajectory_live.txt is missing, as in runs of earlier versions\n");
+  const auto json_of = [&](const std::string& estimate) {
+    const ProgramResult r = call("eval " + estimate + " " + gt + " --json");
+    CAPTURE(r.out);
+    REQUIRE(r.code == 0);
+    return nlohmann::json::parse(r.out);
+  };
+  CHECK(json_of(path)["live"].is_null());
+
+  write("trajectory_live.txt", 0.03);
+  const ProgramResult live_file = call("eval " + path + "/trajectory_live.txt " + gt);
+  CHECK(call("eval " + path + " " + gt).out == "In the end (trajectory.txt)\n" + file.out +
+                                                   "As the frames came (trajectory_live.txt)\n" +
+                                                   live_file.out);
+  nlohmann::json both = json_of(path);
+  CHECK(both["live"] == json_of(path + "/trajectory_live.txt"));
+  CHECK(both["live"]["ate_m"]["rmse"].get<double>() == doctest::Approx(0.03).epsilon(0.01));
+  both.erase("live");
+  CHECK(both == json_of(path + "/trajectory.txt"));
+  CHECK(both["ate_m"]["rmse"].get<double>() == doctest::Approx(0.01).epsilon(0.01));
+
+  std::ofstream(path + "/trajectory_live.txt") << "0 0 0 0 0 0 0 1\n0.1 0 0 0 0 0 0 1\n";
+  const ProgramResult few = call("eval " + path + " " + gt);
+  CHECK(few.code == 0);
+  CHECK(few.out.find(file.out + "no live trajectory: ") != std::string::npos);
+  CHECK(json_of(path)["live"].is_null());
+}
+
 TEST_CASE(
     "a config file: the command line wins, other commands' sections do not count, mistakes name their line") {
   const dynslam::test::TumFixture tum(5);
@@ -264,7 +308,8 @@ TEST_CASE(
   auto summary = summary_of(path);
   CHECK(summary["interrupted"] == true);
   CHECK(summary["tracked"].get<int>() >= 1);
-  CHECK(shell("awk '!/^#/ && NF != 8' " + path + "/o/trajectory.txt").out.empty());
+  for (const char* file : {"/o/trajectory.txt", "/o/trajectory_live.txt"})
+    CHECK(shell("awk '!/^#/ && NF != 8' " + path + file).out.empty());
   std::filesystem::remove_all(path + "/o");
   CHECK(run_and_signal(path, "HUP", 3600).code == 130);
   summary = summary_of(path);

@@ -59,7 +59,8 @@ TEST_CASE(
     CHECK(mentions(config, line));
 
   const auto again = run("again", "--config " + (first / "config.toml").string());
-  for (const char* file : {"trajectory.txt", "keyframes.txt", "map.sot", "config.toml"}) {
+  for (const char* file :
+       {"trajectory.txt", "trajectory_live.txt", "keyframes.txt", "map.sot", "config.toml"}) {
     CAPTURE(file);
     CHECK(bytes(again / file) == bytes(first / file));
   }

@@ -149,6 +149,7 @@ TEST_CASE("trajectory and summary are written as the run goes, each whole") {
     const auto summary = summary_of(o.out);
     CHECK(poses.size() <= p.done);
     CHECK(summary["tracked"] == poses.size());
+    CHECK(read_trajectory(o.out / "trajectory_live.txt").size() == poses.size());
     CHECK(summary["interrupted"] == true);
     CHECK(summary["configuration"]["camera"] == "synthetic");
     ++seen;
@@ -157,6 +158,7 @@ TEST_CASE("trajectory and summary are written as the run goes, each whole") {
   CHECK(seen > 0);
   CHECK(summary_of(o.out)["interrupted"] == false);
   CHECK(read_trajectory(o.out / "trajectory.txt").size() == 12);
+  CHECK(read_trajectory(o.out / "trajectory_live.txt").size() == 12);
 }
 
 TEST_CASE("a run with most frames broken fails, its results written") {

@@ -52,7 +52,8 @@ TEST_CASE("two runs give identical trajectories, masks and maps, with the machin
     (void)run_sequence(o, kNeverStop);
     done = true;
   }
-  for (const char* file : {"trajectory.txt", "keyframes.txt", "map.sot", "masks/1000000.666667.png"}) {
+  for (const char* file :
+       {"trajectory.txt", "trajectory_live.txt", "keyframes.txt", "map.sot", "masks/1000000.666667.png"}) {
     CHECK_FALSE(bytes(out.path / "a" / file).empty());
     CHECK(bytes(out.path / "a" / file) == bytes(out.path / "b" / file));
   }
@@ -91,7 +92,8 @@ TEST_CASE("an interruption saves what was computed") {
                                             if (p.done == 12) stop = true;
                                           });
   CHECK(summary.interrupted);
-  CHECK(read_trajectory(out.path / "trajectory.txt").size() == 12);
+  for (const char* file : {"trajectory.txt", "trajectory_live.txt"})
+    CHECK(read_trajectory(out.path / file).size() == 12);
   CHECK(fs::exists(out.path / "map.sot"));
   CHECK(nlohmann::json::parse(bytes(out.path / "summary.json"))["interrupted"] == true);
 }
@@ -105,7 +107,8 @@ TEST_CASE("a failure in the middle, and a file that cannot be written, cost noth
   };
   CHECK_THROWS_WITH_AS((void)run_sequence(o, kNeverStop, fail_at_12), "the display is gone",
                        std::runtime_error);
-  CHECK(read_trajectory(out.path / "trajectory.txt").size() == 12);
+  for (const char* file : {"trajectory.txt", "trajectory_live.txt"})
+    CHECK(read_trajectory(out.path / file).size() == 12);
   CHECK(fs::exists(out.path / "map.sot"));
   CHECK(nlohmann::json::parse(bytes(out.path / "summary.json"))["tracked"] == 12);
 }

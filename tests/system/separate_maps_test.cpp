@@ -124,6 +124,17 @@ TEST_CASE("what is seen while the camera is lost joins the map when the place is
   CHECK(ate->translation.rmse < 0.02);
   CHECK(ate->translation.max < 0.05);
 
+  // As the frames came: one that only the new map knew had no pose in the world of the others.
+  const auto& live = trip.slam->live_trajectory();
+  CHECK(live.size() + separate == all);
+  for (const StampedPose<double>& pose : live) {
+    const auto truth = std::find_if(round_trip().truth.begin(), round_trip().truth.end(),
+                                    [&](const auto& t) { return t.t == pose.t; });
+    REQUIRE(truth != round_trip().truth.end());
+    const SE3<double> T_first = round_trip().truth.front().T_w_c.inverse() * truth->T_w_c;
+    CHECK((T_first.translation() - pose.T_w_c.translation()).norm() < 0.1);  // drift, but no other world
+  }
+
   // The octree has what was seen meanwhile; without a new map there is a hole.
   SlamOptions waiting = all_static();
   waiting.new_map.begin = false;
@@ -204,5 +215,7 @@ TEST_CASE("a run counts what was joined as tracked, and writes what was not besi
   CHECK(joined.problems.size() == 105);
   CHECK(std::stod(joined.problems.back()) < round_trip().frames[kBefore].t);
   CHECK(read_trajectory(out.path / "trajectory.txt").size() == 95);
+  CHECK(read_trajectory(out.path / "trajectory_live.txt").size() == joined.live_trajectory.size());
+  CHECK(joined.live_trajectory.size() < 95 - 25);  // of the new map's frames none
   CHECK_FALSE(std::filesystem::exists(beside));
 }

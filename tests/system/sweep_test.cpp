@@ -4,6 +4,7 @@
 #include "dynslam/runtime/evaluation/sweep.hpp"
 
 #include <doctest/doctest.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <chrono>
@@ -134,9 +135,16 @@ TEST_CASE("a sweep runs what is left, and gathers what `eval` says of each run")
   CHECK(results["results"][0]["mode"] == "none");
   CHECK(results["results"][0]["coverage_percent"]["mean"] == 100.0);
   CHECK(results["results"][1]["ate_m"]["rmse"]["mean"] == results["runs"][1]["errors"]["ate_m"]["rmse"]);
+  CHECK(results["results"][1]["live"]["ate_m"]["rmse"]["max"] ==
+        results["runs"][1]["errors"]["live"]["ate_m"]["rmse"]);
   CHECK(results["program"].get<std::string>().starts_with("dynslam "));
   CHECK(results["configuration"] == test::bytes(small.file));
   CHECK(test::bytes(small.out / "tables.md").find("| office | geometric |") != std::string::npos);
+  const double final_ate = results["runs"][1]["errors"]["ate_m"]["rmse"],
+               live_ate = results["runs"][1]["errors"]["live"]["ate_m"]["rmse"];
+  CHECK(test::bytes(small.out / "tables.md")
+            .find(fmt::format("| office | geometric | {0:.4f} | {0:.4f} | {1:.4f} | {1:.4f} |", final_ate,
+                              live_ate)) != std::string::npos);
   CHECK(test::bytes(small.out / "tables.tex").find("office & geometric & ") != std::string::npos);
 
   // Nothing is left; a result that is missing or of other options is.
@@ -202,7 +210,7 @@ TEST_CASE("a sweep that is interrupted ends its runs and goes on later") {
   CHECK(small.sweep("--jobs 2").code == 0);
 }
 
-TEST_CASE("seeds have a mean and a spread") {
+TEST_CASE("seeds have a mean, a spread, a median and a worst; the live trajectory has its own") {
   Sweep sweep = sweep_of("sequences = [\"a_b\"]\nmodes = [\"none\", \"both\"]\nseeds = [1, 2, 3]\n");
   std::vector<SweepRun> runs(6);
   for (std::size_t i = 0; i < 6; ++i) {
@@ -211,20 +219,35 @@ TEST_CASE("seeds have a mean and a spread") {
     runs[i].tracked = i < 3 ? 80 : 100;
     runs[i].trajectory.emplace();
     runs[i].trajectory->ate.translation.rmse = i < 3 ? 0.4 : 0.1 * static_cast<double>(i - 2);  // 0.1 0.2 0.3
+    runs[i].live.emplace();
+    runs[i].live->ate.translation.rmse = i < 3 ? 0.5 + 0.1 * static_cast<double>((i + 1) % 3) : 0.9;
   }
   runs[5].trajectory.reset();
+  runs[4].live.reset();  // of an earlier version
+  runs[5].live.reset();
   runs[5].failure = "cannot be aligned";
   const std::vector<Table> all = tables(sweep, runs);
-  REQUIRE(all.size() == 5);
+  REQUIRE(all.size() == 6);
   CHECK(all[0].rows[0][2] == "0.4000 ± 0.0000");
   CHECK(all[0].rows[1][2] == "0.1500 ± 0.0707");  // of the two that can be compared
   CHECK(all[0].rows[1].back() == "62.50 %");
   CHECK(all[3].rows[0] == std::vector<std::string>{"a_b", "0.4000 ± 0.0000", "0.1500 ± 0.0707"});
-  CHECK(all[4].rows[1] == std::vector<std::string>{"a_b", "both", "3", "3", "2", "100.0 ± 0.0"});
+  CHECK(all[0].header[6] == "worst RMSE");
+  CHECK(all[0].rows[0][6] == "0.4000");
+  CHECK(all[0].rows[1][6] == "0.2000");
+  CHECK(all[4].header ==
+        std::vector<std::string>{"sequence", "mode", "median", "worst", "live: median", "worst"});
+  CHECK(all[4].rows[0] == std::vector<std::string>{"a_b", "none", "0.4000", "0.4000", "0.6000", "0.7000"});
+  CHECK(all[4].rows[1] == std::vector<std::string>{"a_b", "both", "0.1500", "0.2000", "0.9000", "0.9000"});
+  CHECK(all[5].rows[1] == std::vector<std::string>{"a_b", "both", "3", "3", "2", "100.0 ± 0.0"});
   CHECK(to_markdown(sweep, runs, "p").find("a_b/both/seed-3: cannot be aligned") != std::string::npos);
   CHECK(to_latex(sweep, runs, "p").find("a\\_b & both & 0.1500 $\\pm$ 0.0707 & ") != std::string::npos);
-  CHECK(to_json(sweep, runs, "p")["results"][1]["ate_m"]["rmse"]["spread"].get<double>() ==
-        doctest::Approx(0.0707).epsilon(0.01));
+  const nlohmann::json json = to_json(sweep, runs, "p")["results"];
+  CHECK(json[1]["ate_m"]["rmse"]["spread"].get<double>() == doctest::Approx(0.0707).epsilon(0.01));
+  CHECK(json[1]["ate_m"]["rmse"]["max"] == 0.2);
+  CHECK(json[1]["ate_m"]["rmse"]["median"].get<double>() == doctest::Approx(0.15));
+  CHECK(json[0]["live"]["ate_m"]["rmse"]["median"] == 0.6);
+  CHECK(json[1]["live"]["ate_m"]["rmse"]["runs"] == 1);
 }
 
 TEST_CASE("GNU parallel runs a sweep's lines, and a shell an array's tasks; the results are the same") {

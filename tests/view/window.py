@@ -21,7 +21,7 @@ PROGRAM, WORK = sys.argv[1], pathlib.Path(sys.argv[2])
 WIDTH, HEIGHT = 480, 360  # from 480 pixels on a view shows images as they are
 PAGE = b"\x12\x16\x1c"  # what is around the pictures
 SEMANTIC = (0xef, 0x7b, 0xd8)
-RESULTS = ("trajectory.txt", "keyframes.txt", "map.sot")
+RESULTS = ("trajectory.txt", "trajectory_live.txt", "keyframes.txt", "map.sot")
 
 
 def fail(text):

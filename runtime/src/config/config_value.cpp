@@ -3,12 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <concepts>
 #include <type_traits>
-#include <utility>
 
 #include "config/toml_value.hpp"
 #include "dynslam/runtime/config/options_file.hpp"
@@ -16,16 +14,6 @@
 namespace dynslam::runtime {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, bool Additions::*>, 8> kAdditions{{
-    {"surface_weights", &Additions::surface_weights},
-    {"motion_prior", &Additions::motion_prior},
-    {"strict_local_map", &Additions::strict_local_map},
-    {"proven_points", &Additions::proven_points},
-    {"second_look", &Additions::second_look},
-    {"image_alignment", &Additions::image_alignment},
-    {"look_around", &Additions::look_around},
-    {"doubted_points", &Additions::doubted_points},
-}};
 constexpr std::string_view kAuto = "auto";
 
 template <class Strings>
@@ -69,8 +57,8 @@ struct ConfigText {
   std::string operator()(const std::optional<Additions>* value) const {
     if (!*value) return toml_string(kAuto);
     std::vector<std::string_view> names;
-    for (const auto& [name, member] : kAdditions) {
-      if ((**value).*member) names.push_back(name);
+    for (const Addition& one : kAdditions) {
+      if ((**value).*one.on) names.push_back(one.name);
     }
     return array_text(names);
   }
@@ -141,17 +129,17 @@ class ConfigSetter {
       return {};
     }
     const auto names = strings();
-    Additions additions;
-    for (const auto& one : kAdditions) additions.*(one.second) = false;
+    Additions additions = Additions::none();
     for (const std::string& name : names.value_or(std::vector<std::string>{""})) {
       const auto known = std::find_if(kAdditions.begin(), kAdditions.end(),
-                                      [&](const auto& one) { return one.first == name; });
+                                      [&](const Addition& one) { return one.name == name; });
       if (known == kAdditions.end()) {
         std::string expected = "\"auto\" or an array of ";
-        for (const auto& one : kAdditions) (expected += &one == &kAdditions.front() ? "" : ", ") += one.first;
+        for (const Addition& one : kAdditions)
+          (expected += &one == &kAdditions.front() ? "" : ", ") += one.name;
         return expected;
       }
-      additions.*(known->second) = true;
+      additions.*(known->on) = true;
     }
     *out = additions;
     return {};

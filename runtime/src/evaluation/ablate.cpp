@@ -116,7 +116,9 @@ std::vector<std::string> notes(const Ablation& ablation) {
   if (baseline(ablation) != nullptr) {
     lines.emplace_back("impr.: improvement over none in percent (Eq 13)");
   }
-  lines.emplace_back("the modes differ by their masks alone; dynslam run adds to each what it can use");
+  lines.emplace_back(ablation.method == Method::paper
+                         ? "the modes differ by their masks alone, as those of dynslam run --method paper"
+                         : "the modes differ by their masks alone; dynslam run adds to each what it can use");
   if (ablation.semantic_skipped) {
     lines.emplace_back(
         "semantic and both were not run: the sequence has no label/ folder, and neither --model nor --masks "

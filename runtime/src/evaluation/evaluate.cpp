@@ -50,6 +50,29 @@ std::vector<fs::path> mask_names(const fs::path& folder) {
   return names;
 }
 
+constexpr const char* kFinal = "trajectory.txt";
+constexpr const char* kLive = "trajectory_live.txt";
+
+/// Poses to compare with, and the file that they are of.
+struct Truth {
+  std::vector<StampedPose<double>> poses;
+  std::string name;
+};
+
+/// @param groundtruth  a file in TUM format, the folder of a sequence, or a bag
+Truth read_truth(const fs::path& groundtruth, const SequenceOptions& options) {
+  const bool sequence_file = options.format == "bag" || !formats_of(groundtruth).empty();
+  if (!fs::is_directory(groundtruth) && !sequence_file)
+    return {read_trajectory(groundtruth), groundtruth.string()};
+  Sequence sequence = load_sequence(groundtruth, options);
+  if (sequence.groundtruth.empty())
+    throw InputError(groundtruth.string(), 0,
+                     sequence.truth_missing.empty()
+                         ? fmt::format("has no ground truth; its format is {}", sequence.format)
+                         : "has no ground truth: " + sequence.truth_missing);
+  return {std::move(sequence.groundtruth), sequence.truth_file.string()};
+}
+
 double ratio(std::size_t a, std::size_t b) {
   return b > 0 ? static_cast<double>(a) / static_cast<double>(b) : 0.0;
 }
@@ -79,18 +102,10 @@ TrajectoryReport evaluate_trajectory(const fs::path& estimate, const fs::path& g
 
 TrajectoryReport evaluate_trajectory(const fs::path& estimate, const fs::path& groundtruth,
                                      const SequenceOptions& options) {
-  const fs::path file = fs::is_directory(estimate) ? estimate / "trajectory.txt" : estimate;
+  const fs::path file = fs::is_directory(estimate) ? estimate / kFinal : estimate;
   const auto est = read_trajectory(file);
-  const bool sequence_file = options.format == "bag" || !formats_of(groundtruth).empty();
-  if (!fs::is_directory(groundtruth) && !sequence_file)
-    return evaluate_trajectory(est, read_trajectory(groundtruth), file.string(), groundtruth.string());
-  const Sequence sequence = load_sequence(groundtruth, options);
-  if (sequence.groundtruth.empty())
-    throw InputError(groundtruth.string(), 0,
-                     sequence.truth_missing.empty()
-                         ? fmt::format("has no ground truth; its format is {}", sequence.format)
-                         : "has no ground truth: " + sequence.truth_missing);
-  return evaluate_trajectory(est, sequence.groundtruth, file.string(), sequence.truth_file.string());
+  const Truth truth = read_truth(groundtruth, options);
+  return evaluate_trajectory(est, truth.poses, file.string(), truth.name);
 }
 
 nlohmann::json to_json(const TrajectoryReport& report) {
@@ -108,6 +123,43 @@ std::string to_text(const TrajectoryReport& report) {
          row("ATE [m]", report.ate.translation) + row("RPE translation [m/s]", report.rpe.translation) +
          row("RPE rotation [deg/s]", report.rpe.rotation_deg) +
          fmt::format("{:<22} {:>9.6f}\n", "first to last [m]", report.end_error);
+}
+
+RunReport evaluate_run(std::span<const StampedPose<double>> trajectory,
+                       std::span<const StampedPose<double>> live,
+                       std::span<const StampedPose<double>> groundtruth, const fs::path& folder,
+                       const std::string& gt_name) {
+  RunReport report;
+  report.trajectory = evaluate_trajectory(trajectory, groundtruth, (folder / kFinal).string(), gt_name);
+  try {
+    report.live = evaluate_trajectory(live, groundtruth, (folder / kLive).string(), gt_name);
+  } catch (const InputError& error) {
+    report.no_live = error.what();
+  }
+  return report;
+}
+
+RunReport evaluate_run(const fs::path& folder, const fs::path& groundtruth, const SequenceOptions& options) {
+  const auto trajectory = read_trajectory(folder / kFinal);
+  const Truth truth = read_truth(groundtruth, options);
+  if (fs::exists(folder / kLive))
+    return evaluate_run(trajectory, read_trajectory(folder / kLive), truth.poses, folder, truth.name);
+  RunReport report;
+  report.trajectory = evaluate_trajectory(trajectory, truth.poses, (folder / kFinal).string(), truth.name);
+  report.no_live = fmt::format("{} is missing, as in runs of earlier versions", (folder / kLive).string());
+  return report;
+}
+
+nlohmann::json to_json(const RunReport& report) {
+  nlohmann::json j = to_json(report.trajectory);
+  j["live"] = report.live ? to_json(*report.live) : nlohmann::json();
+  return j;
+}
+
+std::string to_text(const RunReport& report) {
+  return "In the end (trajectory.txt)\n" + to_text(report.trajectory) +
+         (report.live ? "As the frames came (trajectory_live.txt)\n" + to_text(*report.live)
+                      : fmt::format("no live trajectory: {}\n", report.no_live));
 }
 
 MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth, int widen) {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "dynslam/eval/trajectory.hpp"
 #include "dynslam/runtime/error.hpp"
@@ -45,15 +46,20 @@ struct Group {
 };
 
 struct Spread {
+  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   std::size_t count = 0;
-  double mean = std::numeric_limits<double>::quiet_NaN();
+  double mean = kNone, median = kNone, least = kNone, most = kNone;
   double deviation = 0;  ///< sample standard deviation; 0 for fewer than two
 };
 
-Spread spread_of(const std::vector<double>& values) {
+Spread spread_of(std::vector<double> values) {
   Spread s;
   s.count = values.size();
   if (values.empty()) return s;
+  std::sort(values.begin(), values.end());
+  s.median = (values[values.size() / 2] + values[(values.size() - 1) / 2]) / 2;
+  s.least = values.front();
+  s.most = values.back();
   s.mean = 0;
   for (const double v : values) s.mean += v / static_cast<double>(values.size());
   double sum = 0;
@@ -80,10 +86,12 @@ std::vector<Group> groups_of(const Sweep& sweep, const std::vector<SweepRun>& ru
   return groups;
 }
 
-Spread spread_of(const Group& group, const SweepMeasure& measure, double Statistics<double>::*figure) {
+/// @param which  of a run's trajectories: in the end, or as the frames came
+Spread spread_of(const Group& group, const SweepMeasure& measure, double Statistics<double>::*figure,
+                 std::optional<TrajectoryReport> SweepRun::*which = &SweepRun::trajectory) {
   std::vector<double> values;
   for (const SweepRun* run : group.runs) {
-    if (run->trajectory) values.push_back(measure.of(*run->trajectory).*figure);
+    if (run->*which) values.push_back(measure.of(*(run->*which)).*figure);
   }
   return spread_of(values);
 }
@@ -102,11 +110,13 @@ const Group* baseline_of(const std::vector<Group>& groups, const Group& group) {
 Table measure_table(const std::vector<Group>& groups, const SweepMeasure& measure) {
   Table table{measure.title, {"sequence", "mode"}, {}};
   for (const auto& figure : kSweepFigures) table.header.emplace_back(figure.first);
+  table.header.emplace_back("worst RMSE");
   table.header.emplace_back("RMSE impr.");
   for (const Group& group : groups) {
     std::vector<std::string> cells{subject_of(*group.job), group.job->mode};
     for (const auto& figure : kSweepFigures)
       cells.push_back(text_of(spread_of(group, measure, figure.second), measure.decimals));
+    cells.push_back(cell(spread_of(group, measure, &Statistics<double>::rmse).most, measure.decimals));
     const Group* base = baseline_of(groups, group);
     if (base != nullptr && base != &group) {
       const double of = spread_of(*base, measure, &Statistics<double>::rmse).mean;
@@ -126,6 +136,24 @@ Table mode_table(const Sweep& sweep, const std::vector<Group>& groups) {
     if (table.rows.empty() || table.rows.back().front() != subject) table.rows.push_back({subject});
     table.rows.back().push_back(
         text_of(spread_of(group, kSweepMeasures[0], &Statistics<double>::rmse), kSweepMeasures[0].decimals));
+  }
+  return table;
+}
+
+/// Seeds are few, and one that fails is no outlier: the median and the worst of them.
+Table seed_table(const std::vector<Group>& groups) {
+  const SweepMeasure& ate = kSweepMeasures[0];
+  Table table{"Absolute trajectory error over the seeds, RMSE [m]",
+              {"sequence", "mode", "median", "worst", "live: median", "worst"},
+              {}};
+  for (const Group& group : groups) {
+    std::vector<std::string> cells{subject_of(*group.job), group.job->mode};
+    for (const auto which : {&SweepRun::trajectory, &SweepRun::live}) {
+      const Spread s = spread_of(group, ate, &Statistics<double>::rmse, which);
+      cells.push_back(cell(s.median, ate.decimals));
+      cells.push_back(cell(s.most, ate.decimals));
+    }
+    table.rows.push_back(std::move(cells));
   }
   return table;
 }
@@ -157,8 +185,9 @@ Table coverage_table(const std::vector<Group>& groups) {
 
 std::vector<std::string> remarks(const Sweep& sweep, const std::vector<SweepRun>& runs) {
   std::vector<std::string> lines{
-      "± : sample standard deviation over the seeds; impr.: improvement of the mean over none in percent (Eq "
-      "13)"};
+      "± : sample standard deviation over the seeds; worst: the largest of theirs; impr.: improvement of the "
+      "mean over none in percent (Eq 13)",
+      "live: the poses as track() returned them, trajectory_live.txt; all else is of trajectory.txt"};
   for (std::size_t i = 0; i < runs.size(); ++i) {
     if (!runs[i].failure.empty()) lines.push_back(sweep.jobs[i].name + ": " + runs[i].failure);
   }
@@ -199,7 +228,9 @@ std::string latex(const Table& table) {
 }
 
 nlohmann::json json_of(const Spread& s) {
-  return {{"mean", s.mean}, {"spread", s.deviation}, {"runs", s.count}};  // NaN becomes null
+  return {{"mean", s.mean},  // NaN becomes null
+          {"spread", s.deviation}, {"median", s.median}, {"min", s.least},
+          {"max", s.most},         {"runs", s.count}};
 }
 
 }  // namespace
@@ -228,7 +259,9 @@ std::vector<SweepRun> gather_sweep(const Sweep& sweep, const fs::path& out, cons
         if (job.arguments[i] == "--topics") reading.topics = job.arguments[i + 1];
         if (job.arguments[i] == "--rate") reading.rate = std::stod(job.arguments[i + 1]);
       }
-      run.trajectory = evaluate_trajectory(out / job.name, job.path, reading);
+      RunReport report = evaluate_run(out / job.name, job.path, reading);
+      run.trajectory = report.trajectory;
+      run.live = report.live;
     } catch (const InputError& error) {  // one that cannot be compared is a result, too
       run.failure = error.what();
     }
@@ -241,6 +274,7 @@ std::vector<Table> tables(const Sweep& sweep, const std::vector<SweepRun>& runs)
   std::vector<Table> result;
   for (const SweepMeasure& measure : kSweepMeasures) result.push_back(measure_table(groups, measure));
   result.push_back(mode_table(sweep, groups));
+  result.push_back(seed_table(groups));
   result.push_back(coverage_table(groups));
   return result;
 }
@@ -271,8 +305,10 @@ nlohmann::json to_json(const Sweep& sweep, const std::vector<SweepRun>& runs, co
     for (const SweepMeasure& measure : kSweepMeasures) {
       for (const auto& [key, figure] :
            {std::pair{"rmse", &Statistics<double>::rmse}, std::pair{"mean", &Statistics<double>::mean},
-            std::pair{"median", &Statistics<double>::median}, std::pair{"std", &Statistics<double>::std}})
+            std::pair{"median", &Statistics<double>::median}, std::pair{"std", &Statistics<double>::std}}) {
         one[measure.key][key] = json_of(spread_of(group, measure, figure));
+        one["live"][measure.key][key] = json_of(spread_of(group, measure, figure, &SweepRun::live));
+      }
     }
     j["results"].push_back(std::move(one));
   }
@@ -283,7 +319,7 @@ nlohmann::json to_json(const Sweep& sweep, const std::vector<SweepRun>& runs, co
                        {"done", runs[i].done},
                        {"frames", runs[i].frames},
                        {"tracked", runs[i].tracked}};
-    if (runs[i].trajectory) run["errors"] = to_json(*runs[i].trajectory);
+    if (runs[i].trajectory) run["errors"] = to_json(RunReport{*runs[i].trajectory, runs[i].live, {}});
     if (!runs[i].failure.empty()) run["failure"] = runs[i].failure;
     j["runs"].push_back(std::move(run));
   }

@@ -38,8 +38,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr const char* kLiveTrajectory = "trajectory_live.txt";
+
 fs::path separate_file(const fs::path& out, int map) {
   return out / fmt::format("trajectory_map{}.txt", map);
+}
+
+CameraConfig camera_of_run(const Sequence& sequence, const RunOptions& options) {
+  CameraConfig camera = camera_of(sequence, options.camera);
+  if (options.readout_time) camera.readout_time = *options.readout_time;
+  return camera;
 }
 
 /// A run: its parts, and what it has so far.
@@ -112,7 +120,7 @@ Run::Run(const RunOptions& options, const RunWatch& watch)
     : options_(options),
       watch_(watch),
       sequence_(load_sequence(options.sequence, sequence_options(options))),
-      camera_(camera_of(sequence_, options.camera)),
+      camera_(camera_of_run(sequence_, options)),
       pace_(options.live_speed) {
   if (uses_semantic(options.dynamics) && !uses_network(options))
     masks_.emplace(options.masks, mask_options(options));
@@ -164,8 +172,8 @@ void Run::prepare_outputs() {
   fs::remove(options_.out / "report.jsonl");  // of an earlier run
   if (options_.report)
     evidence_.emplace(options_.out / "report.jsonl", sequence_, cv::Size(camera_.width, camera_.height));
-  // For all text files at once, the trajectory beside the one that it replaces.
-  constexpr std::uint64_t kPerFrame = 700, kOthers = 1 << 18;  // bytes
+  // For all text files at once, each trajectory beside the one that it replaces.
+  constexpr std::uint64_t kPerFrame = 900, kOthers = 1 << 18;  // bytes
   reserve_.emplace(options_.out, kPerFrame * sequence_.frames.size() + kOthers);
 }
 
@@ -285,6 +293,7 @@ void Run::save_progress() {
   Stopwatch watch;
   try {
     write_trajectory(options_.out / "trajectory.txt", slam_->trajectory());
+    write_trajectory(options_.out / kLiveTrajectory, slam_->live_trajectory());
     write_summary();
   } catch (const InputError&) {
   }
@@ -316,6 +325,7 @@ void Run::save(const std::atomic<bool>& stop) {
 /// joined.
 void Run::take_trajectories() {
   summary_.trajectory = slam_->trajectory();
+  summary_.live_trajectory = slam_->live_trajectory();
   summary_.separate = slam_->separate_trajectories();
   const std::size_t later =
       summary_.trajectory.size() - std::min(summary_.trajectory.size(), summary_.tracked);
@@ -326,6 +336,7 @@ void Run::take_trajectories() {
 
 void Run::write_files() {
   attempt([&] { write_trajectory(options_.out / "trajectory.txt", summary_.trajectory); });
+  attempt([&] { write_trajectory(options_.out / kLiveTrajectory, summary_.live_trajectory); });
   attempt([&] { write_trajectory(options_.out / "keyframes.txt", slam_->keyframe_trajectory()); });
   for (const SeparateTrajectory& map : summary_.separate)
     attempt([&] { write_trajectory(separate_file(options_.out, map.map), map.poses); });

@@ -108,7 +108,8 @@ struct Slam::State {
   std::unique_ptr<FrameSegmenter> network;
   std::unique_ptr<SeparateMaps> separate;
   FramePoses frames;
-  std::size_t seen = 0;  // frames
+  std::vector<StampedPose<double>> live;  // as track() returned them
+  std::size_t seen = 0;                   // frames
   std::optional<double> last_t;
   bool located = false;  // the last frame
   SavedScans loaded;
@@ -199,6 +200,7 @@ TrackResult Slam::track(const RgbdFrame& frame, const std::optional<Masks>& prio
     if (s.separate->begun() != begun) s.journal.begun({frame.t, result.separate->map});
     if (joined) s.join(*joined, frame.t);
   });
+  if (result.ok()) s.live.push_back({frame.t, result.T_w_c, frame.ns});
   s.journal.tell();
   return result;
 }
@@ -221,6 +223,10 @@ void Slam::finish() {
 
 std::vector<StampedPose<double>> Slam::trajectory() const {
   return state_->trajectory(state_->frames, state_->tracker->map());
+}
+
+const std::vector<StampedPose<double>>& Slam::live_trajectory() const {
+  return state_->live;
 }
 
 std::vector<StampedPose<double>> Slam::keyframe_trajectory() const {

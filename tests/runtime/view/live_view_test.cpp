@@ -117,7 +117,8 @@ TEST_CASE("a run that is looked at has the results of one that is not, byte for 
     CHECK(seen == 30);
     looked.view->finish();
     CHECK(looked.screen.shown > 0);
-    for (const char* file : {"trajectory.txt", "keyframes.txt", "masks/1000000.666667.png"})
+    for (const char* file :
+         {"trajectory.txt", "trajectory_live.txt", "keyframes.txt", "masks/1000000.666667.png"})
       CHECK(bytes(options.out / file) == bytes(plain.out / file));
     CHECK(std::filesystem::exists(options.out / "map.sot") == plain.map);
     if (plain.map) CHECK(bytes(options.out / "map.sot") == bytes(plain.out / "map.sot"));

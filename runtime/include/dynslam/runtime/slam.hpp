@@ -60,7 +60,7 @@ struct SeparateTrajectory {
 ///     if (result.ok()) publish(result.T_w_c, result.dynamic_mask);
 ///     ...
 ///     slam.finish();
-///     slam.trajectory();   // of all frames, after loops and adjustments
+///     slam.trajectory();   // of all frames, after loops and adjustments; live_trajectory(): as they came
 ///
 /// Same frames, same results, to the last bit: those of `dynslam run`, which uses it. Objects do not know of
 /// each other; one object is used by one thread at a time. It has threads of its own for adjustment and map.
@@ -96,6 +96,12 @@ class Slam {
   /// finish(), until the next frame, they are smoothed (SlamOptions::trajectory): a pose of a frame in the
   /// middle is better for those that came after it.
   [[nodiscard]] std::vector<StampedPose<double>> trajectory() const;
+  /// What track() returned: T_w_c of each frame that it had a pose of at once, as the map was then, by which
+  /// a robot acts while it drives. Nothing that came later enters: no smoothing, adjustment, loop or
+  /// recovery. A frame that was lost at once has none, nor has one that only a map begun since had
+  /// (TrackResult::separate), whose place in the main one nobody knew yet, so that all are in one world: that
+  /// of the first frame, or of the map that was loaded.
+  [[nodiscard]] const std::vector<StampedPose<double>>& live_trajectory() const;
   /// Those of the frames that became keyframes, where the map has them.
   [[nodiscard]] std::vector<StampedPose<double>> keyframe_trajectory() const;
   /// What was tracked while the camera was lost in the main map, and was never joined to it.

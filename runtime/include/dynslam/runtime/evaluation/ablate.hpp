@@ -36,11 +36,10 @@ struct Ablation {
   bool interrupted = false;       ///< `rows` holds the modes that were finished before
 };
 
-/// What all modes of an ablation take beside their masks, so that they differ by these alone: with `full` all
-/// that does not need a geometric mask itself.
+/// What all modes of an ablation take beside their masks, so that they differ by these alone: with `paper`
+/// nothing, as in `run`; with `full` all that `run` gives to any of them, the baseline included.
 [[nodiscard]] constexpr Additions ablation_additions(Method method) {
-  const bool full = method == Method::full;
-  return {full, full, full, false};
+  return additions(method, DynamicsMode::both);
 }
 
 /// Runs a sequence in all four modes (the paper's Table 4), which differ by their masks alone, into

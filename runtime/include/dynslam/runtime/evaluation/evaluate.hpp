@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -39,6 +40,29 @@ struct TrajectoryReport {
 [[nodiscard]] nlohmann::json to_json(const TrajectoryReport& report);
 /// As `eval` prints it.
 [[nodiscard]] std::string to_text(const TrajectoryReport& report);
+
+/// Figures of both trajectories of a run.
+struct RunReport {
+  TrajectoryReport trajectory;           ///< in the end: trajectory.txt
+  std::optional<TrajectoryReport> live;  ///< as the frames came: trajectory_live.txt
+  std::string no_live;                   ///< why there is none, then
+};
+
+/// Both trajectories of a run, with the names of their files for error messages.
+/// @throws InputError as above for the one in the end; that the other cannot be compared is part of the
+/// result
+[[nodiscard]] RunReport evaluate_run(std::span<const StampedPose<double>> trajectory,
+                                     std::span<const StampedPose<double>> live,
+                                     std::span<const StampedPose<double>> groundtruth,
+                                     const std::filesystem::path& folder, const std::string& gt_name);
+/// The same of a run's folder, with `groundtruth` as above. A run of an earlier version has one trajectory.
+[[nodiscard]] RunReport evaluate_run(const std::filesystem::path& folder,
+                                     const std::filesystem::path& groundtruth,
+                                     const SequenceOptions& options = {});
+/// That of the trajectory in the end, and "live": the same of the other one; null: there is none.
+[[nodiscard]] nlohmann::json to_json(const RunReport& report);
+/// As `eval` prints it of a run's folder.
+[[nodiscard]] std::string to_text(const RunReport& report);
 
 /// Share of a frame's pixels over a sequence's frames.
 struct MaskShares {

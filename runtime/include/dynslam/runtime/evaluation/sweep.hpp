@@ -42,9 +42,10 @@ struct Sweep {
 
 /// What was made of a job.
 struct SweepRun {
-  bool done = false;    ///< with the job's options and by this program
-  std::string failure;  ///< why not, or why there is no accuracy; empty: there is one
-  std::optional<TrajectoryReport> trajectory;
+  bool done = false;                           ///< with the job's options and by this program
+  std::string failure;                         ///< why not, or why there is no accuracy; empty: there is one
+  std::optional<TrajectoryReport> trajectory;  ///< in the end
+  std::optional<TrajectoryReport> live;        ///< as the frames came, see RunReport
   std::size_t frames = 0, tracked = 0;
 };
 
@@ -60,7 +61,8 @@ struct SweepRun {
                                                  const std::string& program);
 
 /// ATE and RPE (RMSE, mean, median, S.D.) as mean and spread (sample standard deviation) over the seeds, the
-/// improvement over `none` (Eq 13), ATE by mode, and coverage.
+/// worst seed's RMSE and the improvement over `none` (Eq 13), ATE by mode, the median and the worst seed's
+/// ATE in the end and as the frames came, and coverage.
 [[nodiscard]] std::vector<Table> tables(const Sweep& sweep, const std::vector<SweepRun>& runs);
 /// The tables with the program and the configuration.
 [[nodiscard]] std::string to_markdown(const Sweep& sweep, const std::vector<SweepRun>& runs,

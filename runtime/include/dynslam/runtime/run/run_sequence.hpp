@@ -25,7 +25,8 @@ namespace dynslam::runtime {
 /// What `dynslam run` does.
 struct RunOptions {
   std::filesystem::path sequence, out;
-  std::string camera;  ///< fr1, fr2, fr3, bonn or a file; empty: from the sequence
+  std::string camera;                  ///< fr1, fr2, fr3, bonn or a file; empty: from the sequence
+  std::optional<double> readout_time;  ///< in place of the camera's [s], 0: all rows at once; empty: its own
   std::string format;  ///< of the sequence, see sequence_formats(); empty: by looking at the folder
   std::string topics;  ///< of a bag, "COLOUR,DEPTH"; empty: by looking at it
   double rate = 30;    ///< frames per second, of formats without time stamps
@@ -82,6 +83,7 @@ struct RunSummary {
   double fps = 0, peak_rss_mb = 0;
   std::map<std::string, StageStatistics> stages;
   std::vector<StampedPose<double>> trajectory;
+  std::vector<StampedPose<double>> live_trajectory;  ///< trajectory_live.txt, see Slam::live_trajectory()
   std::vector<LoopClosing> loops;
   std::vector<std::pair<std::string, MaskVerdict>> masks_rejected;  ///< time stamps of frames, and why
   std::vector<std::string> problems;                                ///< one line each, in order of frames
@@ -97,12 +99,13 @@ struct RunSummary {
 /// How a run reads its sequence.
 [[nodiscard]] SequenceOptions sequence_options(const RunOptions& options);
 
-/// Runs a sequence and writes config.toml (see options_file.hpp) at once, then trajectory.txt, keyframes.txt,
-/// map.sot (and map_color.ot for octovis), timings.csv, summary.json and masks/ into `options.out`, and
-/// trajectory_map2.txt, ... of maps that were begun after a loss and never joined. What was
-/// computed is saved also when `stop` becomes true midway; trajectory.txt and summary.json are written as the
-/// run goes, see docs/reliability.md. A map that was loaded is never saved poorer than it was: what a failed
-/// run has is added to it where that is whole, and else the saved map stays.
+/// Runs a sequence and writes config.toml (see options_file.hpp) at once, then trajectory.txt,
+/// trajectory_live.txt (Slam::live_trajectory()), keyframes.txt, map.sot (and map_color.ot for octovis),
+/// timings.csv, summary.json and masks/ into `options.out`, and trajectory_map2.txt, ... of maps that were
+/// begun after a loss and never joined. What was computed is saved also when `stop` becomes true midway;
+/// trajectories and summary.json are written as the run goes, see docs/reliability.md. A map that was loaded
+/// is never saved poorer than it was: what a failed run has is added to it where that is whole, and else the
+/// saved map stays.
 /// @param opened  called with the sequence and its camera before the first frame
 /// @param watch   called while the run goes on
 /// @throws InputError  unreadable sequence or masks, unwritable output, too many broken frames, or no frame

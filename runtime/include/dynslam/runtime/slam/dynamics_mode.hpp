@@ -3,6 +3,7 @@
 
 #include "dynslam/push_macros.hpp"
 
+#include <array>
 #include <optional>
 #include <string_view>
 
@@ -34,25 +35,72 @@ using dynslam::Method;
 /// Name of a method.
 [[nodiscard]] std::string_view to_string(Method method);
 
-/// What this system adds to the paper's tracking, beside the masks.
+/// What this system adds to the paper's tracking, beside the masks. Each is off until it is switched on by
+/// its name: with a list of values in a row, a field that is added later would keep its default unnoticed.
 struct Additions {
-  bool surface_weights = true;   ///< features count by the surface that they stand for (surface_weights())
-  bool motion_prior = true;      ///< the predicted motion counts in the consensus, too
-  bool strict_local_map = true;  ///< matches of the local map that are far off never enter the optimisation
-  bool proven_points = false;    ///< points only on surfaces known to have stayed; needs geometric masks
-  bool second_look = true;  ///< where the map in view does not tell the pose, the last frame enters it whole
-  bool image_alignment = true;  ///< where few features lead from the last frame, its grey values are a start
-  bool look_around = true;  ///< where far fewer points fit than usually, poses beside the one found are tried
-  bool doubted_points = true;  ///< points of the map that stand where a mover is are doubted; geometric masks
+  bool surface_weights = false;   ///< features count by the surface that they stand for (surface_weights())
+  bool motion_prior = false;      ///< the predicted motion counts in the consensus, too
+  bool strict_local_map = false;  ///< matches of the local map that are far off never enter the optimisation
+  bool proven_points = false;     ///< points only on surfaces known to have stayed; needs geometric masks
+  bool second_look = false;  ///< where the map in view does not tell the pose, the last frame enters it whole
+  bool image_alignment = false;  ///< where few features lead from the last frame, its grey values are a start
+  bool look_around =
+      false;  ///< where far fewer points fit than usually, poses beside the one found are tried
+  bool doubted_points =
+      false;  ///< points of the map that stand where a mover is are doubted; geometric masks
+
+  constexpr Additions() = default;  // declared: no aggregate
+  [[nodiscard]] static constexpr Additions none() { return {}; }
+  [[nodiscard]] static constexpr Additions all();
+  [[nodiscard]] friend constexpr bool operator==(const Additions&, const Additions&) = default;
 };
+
+/// A switch of Additions and its name.
+struct Addition {
+  std::string_view name;
+  bool Additions::*on;
+};
+/// All of them.
+inline constexpr std::array<Addition, 8> kAdditions{{
+    {"surface_weights", &Additions::surface_weights},
+    {"motion_prior", &Additions::motion_prior},
+    {"strict_local_map", &Additions::strict_local_map},
+    {"proven_points", &Additions::proven_points},
+    {"second_look", &Additions::second_look},
+    {"image_alignment", &Additions::image_alignment},
+    {"look_around", &Additions::look_around},
+    {"doubted_points", &Additions::doubted_points},
+}};
+
+constexpr Additions Additions::all() {
+  Additions result;
+  for (const Addition& one : kAdditions) result.*one.on = true;
+  return result;
+}
+
+namespace detail {
+/// Whether no field stands twice in kAdditions.
+[[nodiscard]] constexpr bool additions_differ() {
+  Additions seen;
+  for (const Addition& one : kAdditions) {
+    if (seen.*one.on) return false;
+    seen.*one.on = true;
+  }
+  return true;
+}
+}  // namespace detail
+static_assert(sizeof(Additions) == kAdditions.size() * sizeof(bool) && detail::additions_differ(),
+              "every field of Additions stands once in kAdditions");
 
 /// What a run of a method and mode takes: nothing with the paper's, and with `none`, which is the baseline.
 /// `proven_points` is taken by no mode of itself: with twenty keyframes adjusted together the points that it
 /// leaves out are worth more than the few movers among them (docs/method.md).
 [[nodiscard]] constexpr Additions additions(Method method, DynamicsMode mode) {
-  const bool full = method == Method::full, geometry = full && uses_geometry(mode);
-  const bool masked = full && mode != DynamicsMode::none;
-  return {masked, masked, geometry, false, masked, masked, masked, geometry};
+  if (method == Method::paper || mode == DynamicsMode::none) return Additions::none();
+  Additions result = Additions::all();
+  result.proven_points = false;
+  result.strict_local_map = result.doubted_points = uses_geometry(mode);
+  return result;
 }
 
 }  // namespace dynslam::runtime
