@@ -4,8 +4,7 @@
 # Warnings of our own code: PRIVATE, so that no consumer inherits them.
 function(dynslam_warnings target)
   target_compile_options(${target} PRIVATE
-    -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wdouble-promotion -Wshadow -Wold-style-cast -Wextra-semi
-    -Wnon-virtual-dtor
+    -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow
     # clang 19 blames us for the std::iterator in OctoMap's headers; g++ tells of what is deprecated.
     $<$<AND:$<CXX_COMPILER_ID:Clang>,$<VERSION_GREATER_EQUAL:$<CXX_COMPILER_VERSION>,15>>:-Wno-deprecated-declarations>
     $<$<BOOL:${DYNSLAM_WERROR}>:-Werror>)
