@@ -4,7 +4,10 @@
 #include <doctest/doctest.h>
 
 #include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
 #include <unsupported/Eigen/AutoDiff>
+#include <vector>
 
 #include "jacobian.hpp"
 #include "random.hpp"
@@ -192,4 +195,36 @@ TEST_CASE("the Jacobian of the projection through a lens equals central differen
   REQUIRE(kFr1Camera.project(p, &J));
   J(1, 0) = -J(1, 0);
   CHECK(test::relative_error(J, test::central_differences<2, 3>(f, p)) > 0.01);
+}
+
+TEST_CASE_TEMPLATE("an inverse is right to 64 roundings, far out and at the end of the field, or refused", S,
+                   float, double) {
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  test::Rng random("inverse of any lens");
+  const double epsilon = to_double(Eigen::NumTraits<S>::epsilon());
+  std::vector<BrownConrady<S>> lenses{
+      {S(0.5), S(0.3), S(0), S(0), S(0.1)},  // Newton's method from the pixel itself needs more than 20 steps
+      {S(-0.5), S(0), S(0), S(0), S(0)},
+      {S(5), S(3), S(0), S(0), S(0.1), S(5.3), S(4), S(0.5)}};
+  for (int n = 0; n < 20; ++n)
+    lenses.push_back({S(random.uniform(-0.8, 0.8)), S(random.uniform(-0.8, 0.8)),
+                      S(random.uniform(-0.01, 0.01)), S(random.uniform(-0.01, 0.01)),
+                      S(random.uniform(-0.8, 0.8))});
+  for (const BrownConrady<S>& lens : lenses) {
+    CAPTURE(lens.coefficients().transpose());
+    const double reach = std::min(lens.valid_radius(), 3.0);
+    for (int n = 0; n < 500; ++n) {
+      const double share = n % 2 == 0 ? random.uniform() : 1 - std::pow(10, random.uniform(-5, -2));
+      const double around = random.uniform(0, 6.28);
+      const Vector2 x(S(share * reach * std::cos(around)), S(share * reach * std::sin(around)));
+      const auto d = lens.distort(x);
+      if (!d) continue;
+      const auto back = lens.undistort(*d);
+      CAPTURE(x.transpose());
+      REQUIRE(back);
+      const auto again = lens.distort(*back);
+      REQUIRE(again);
+      CHECK(to_double((*again - *d).norm()) < 80 * epsilon * std::max(1.0, to_double(d->norm())));
+    }
+  }
 }

@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <type_traits>
@@ -123,4 +124,40 @@ TEST_CASE("without coefficients a fisheye is equidistant, and its ideal pinhole 
   CHECK(pinhole.fy() == doctest::Approx(310));
   CHECK((*to_ideal(camera, pinhole, *x) - *pinhole.project(at_angle(0.5, 0))).norm() < 1e-9);
   CHECK((*from_ideal(camera, pinhole, *pinhole.project(at_angle(0.5, 0))) - *x).norm() < 1e-9);
+}
+
+TEST_CASE_TEMPLATE("a fisheye's inverse is right or refused up to the end of the field, whatever its curve",
+                   S, float, double) {
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  test::Rng random("inverse of any fisheye");
+  const double tolerance = 1e4 * to_double(Eigen::NumTraits<S>::epsilon());  // of the distance or f [px]
+  int refused = 0, all = 0;
+  for (int lens = 0; lens < 40; ++lens) {
+    const Eigen::Matrix<S, 4, 1> k(S(random.uniform(-0.3, 0.3)), S(random.uniform(-0.2, 0.2)),
+                                   S(random.uniform(-0.1, 0.1)), S(random.uniform(-0.05, 0.05)));
+    const KannalaBrandt<S> camera(S(300), S(300), S(320), S(240), k);
+    CAPTURE(k.transpose());
+    for (int n = 0; n < 500; ++n) {
+      // Half of them within a thousandth of the end.
+      const double share = n % 2 == 0 ? random.uniform() : 1 - std::pow(10, random.uniform(-6, -3));
+      const double angle = share * camera.max_angle(), around = random.uniform(0, 6.28);
+      const Eigen::Matrix<S, 3, 1> p(S(std::sin(angle) * std::cos(around)),
+                                     S(std::sin(angle) * std::sin(around)), S(std::cos(angle)));
+      const auto x = camera.project(p);
+      if (!x) continue;
+      ++all;
+      const auto back = camera.unproject(*x, p.z());
+      // Where the curve turns back its last pixels are rounded to the end of the field.
+      if (!back) {
+        ++refused;
+        CHECK(share > 0.999);
+        continue;
+      }
+      const auto again = camera.project(*back);
+      if (!again) continue;  // rounded out of the field
+      CHECK(to_double((*again - *x).norm()) <
+            tolerance * std::max(1.0, to_double((*x - Vector2(S(320), S(240))).norm()) / 300));
+    }
+  }
+  CHECK(refused < (std::is_same_v<S, float> ? all / 4 : all / 1000));
 }

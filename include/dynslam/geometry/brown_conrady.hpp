@@ -66,7 +66,8 @@ class BrownConrady {
     return d;
   }
 
-  /// Inverse by Newton's method; nullopt where there is none in the field.
+  /// Inverse by Newton's method: distort() of it is `d` to 64 roundings of the larger of 1 and |d| (4e-3 px
+  /// at a focal length of 500 in floats). nullopt where there is none in the field, or none to that accuracy.
   [[nodiscard]] std::optional<Vector2> undistort(const Vector2& d) const {
     if (is_identity()) return d;
     if (const auto x = newton(d, d)) return x;
@@ -147,9 +148,11 @@ class BrownConrady {
   }
 
   [[nodiscard]] std::optional<Vector2> newton(const Vector2& d, Vector2 x) const {
-    const S tolerance = S(64) * Eigen::NumTraits<S>::epsilon(), enough = tolerance * tolerance;
+    constexpr int kIterations = 20;  // 3 to 6 in an image
+    const S tolerance = S(64) * Eigen::NumTraits<S>::epsilon(), size = squared_length(d.x(), d.y());
+    const S enough = tolerance * tolerance * (size < S(1) ? S(1) : size);
     Matrix2 J;
-    for (int i = 0; i < 20; ++i) {
+    for (int i = 0; i < kIterations; ++i) {
       const Vector2 at = evaluate(x, J);
       const S e_x = at.x() - d.x(), e_y = at.y() - d.y();
       const bool solved = squared_length(e_x, e_y) <= enough;
@@ -162,11 +165,7 @@ class BrownConrady {
       // The derivatives of dual numbers arrive with the step after the value's last.
       if (solved) return in_field(x, J) ? std::optional<Vector2>(x) : std::nullopt;
     }
-    const Vector2 again = evaluate(x, J);
-    const S off = squared_length(again.x() - d.x(), again.y() - d.y());
-    const S size = std::min(squared_length(again.x(), again.y()), squared_length(d.x(), d.y()));
-    const S rough = S(100) * tolerance, limit = rough * rough;
-    return off <= limit * size && in_field(x, J) ? std::optional<Vector2>(x) : std::nullopt;
+    return std::nullopt;
   }
 
   /// The point on the ray of `d` whose radial distortion alone leads to |d|, by bisection of the field;

@@ -137,27 +137,31 @@ class KannalaBrandt {
     return plus(a * k_(1), t, plus(b * k_(2), t * c, k_(3)));
   }
 
-  /// Inverse of theta_d by Newton's method, kept between the axis and max_angle() by bisection.
+  /// Inverse of theta_d by Newton's method, kept between the axis and max_angle() by bisection: a step that
+  /// is not half of the one before it is no Newton step near a solution, but goes to and fro before an
+  /// inflection. nullopt where it has not ended, which bisection excludes.
   [[nodiscard]] std::optional<S> angle(const S& theta_d) const {
     using std::abs;
-    constexpr int kIterations = 60;  // Newton takes 3 to 6; bisection alone would need 53
+    constexpr int kIterations = 120;  // Newton takes 3 to 6; bisection at every other one needs 106
     const S tolerance = S(4) * Eigen::NumTraits<S>::epsilon();
     S low = S(0), high = S(max_angle_);
     if (!(theta_d < high * factor(high))) return std::nullopt;
     S theta = theta_d < high ? theta_d : S(0.5) * high;
+    S last = high;  // step
     for (int i = 0; i < kIterations; ++i) {
       const S error = theta * factor(theta) - theta_d;
       (error < S(0) ? low : high) = theta;
       const S t = theta * theta;
       const S slope = plus(S(1), t, plus(S(3) * k_(0), t, weighted(t, S(5), S(7), S(9))));
-      const S step = error / slope;
-      S next = theta - step;
-      if (!(low <= next && next <= high)) next = S(0.5) * (low + high);
+      S next = theta - error / slope;
       const bool done = abs(next - theta) <= tolerance * (S(1) + theta);
+      if (!done && !(low <= next && next <= high && abs(next - theta) <= S(0.5) * last))
+        next = S(0.5) * (low + high);
+      last = abs(next - theta);
       theta = next;
-      if (done) break;
+      if (done || last <= tolerance * (S(1) + theta)) return theta;
     }
-    return theta;
+    return std::nullopt;
   }
   [[nodiscard]] S factor(const S& theta) const { return factor_at(theta * theta); }
 

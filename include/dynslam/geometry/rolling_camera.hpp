@@ -32,12 +32,28 @@ class RollingCamera {
   [[nodiscard]] std::optional<Vector2> project(const Vector3& p) const {
     return shutter_.project(camera_, p);
   }
-  /// @param J  out, that of the row which shows the point; that the row changes with the point is left out,
-  ///           a twentieth in a turn of 2 rad/s
+  /// @param J  out, d x / d p. The row v = x.y() changes with the point: with J_v = d x / d p_row of the
+  /// camera,
+  ///           g = J_v d p_row / d v and R_v the rotation from the middle row to row v,
+  ///           J = (J_v + g J_v.row(1) / (1 - g.y)) R_v
   [[nodiscard]] std::optional<Vector2> project(const Vector3& p, Eigen::Matrix<S, 2, 3>* J) const {
     if (!shutter_.moves() || J == nullptr) return shutter_.moves() ? project(p) : camera_.project(p, J);
     const auto x = project(p);
-    return x ? camera_.project(shutter_.to_row(p, x->y()), J) : x;
+    if (!x) return x;
+    const S v = x->y();
+    const Vector3 p_row = shutter_.to_row(p, v);
+    if (!camera_.project(p_row, J)) return std::nullopt;
+    const Vector2 g = *J * shutter_.per_row(p_row);
+    const S pace = S(1) - g.y();
+    for (int i = 0; i < 2; ++i) {
+      Vector3 row;  // of the camera's, by the row that shows the point
+      for (int k = 0; k < 3; ++k) row(k) = (*J)(i, k);
+      if (i == 0) row += (g.x() / pace) * J->row(1).transpose();
+      if (i == 1) row /= pace;
+      const Vector3 turned = shutter_.turned_to_middle(row, v);
+      for (int k = 0; k < 3; ++k) (*J)(i, k) = turned(k);
+    }
+    return x;
   }
   [[nodiscard]] std::optional<Vector3> unproject(const Vector2& x, const S& z) const {
     const auto p = camera_.unproject(x, z);

@@ -126,7 +126,7 @@ class MatchedPose {
   void measure_readout(const Frame<S>& frame, const SE3<S>& T_c_w, const Eigen::Matrix<S, 6, 1>& speed,
                        int height, ReadoutMeasurement<S>& out) const {
     const S middle = S(height - 1) / S(2);
-    out.begin_image(T_c_w, speed);
+    out.begin_image(frame.t, T_c_w, speed);
     for (std::size_t k = 0; k < observations_.size(); ++k) {
       if (workspace_.inlier[k] == 0) continue;
       const auto v = static_cast<S>(frame.features[static_cast<std::size_t>(feature_[k])].v);
