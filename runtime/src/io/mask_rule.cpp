@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kSurveyed = 16;          // files that decide, spread over the folder
-constexpr int kHalf = 128, kDeepHalf = 32768;  // from which on a grey value belongs to the mask
+constexpr int kMaskHalf = 128, kMaskDeepHalf = 32768;  // from which on a grey value belongs to the mask
 constexpr int kOwnLabels = 3;                  // highest of this library's label images
 constexpr std::size_t kContinuous = 128;  // grey values that no list of classes has: a mask with wide rims
 constexpr int kVocPerson = 15;
@@ -229,8 +229,8 @@ void MaskRule::decide(const Survey& survey) {
         break;
       case MaskStorage::alpha:
         how_ = How::above;
-        value_ = kHalf;
-        reason_ = fmt::format("pictures with an alpha channel, dynamic where it is {} or more", kHalf);
+        value_ = kMaskHalf;
+        reason_ = fmt::format("pictures with an alpha channel, dynamic where it is {} or more", kMaskHalf);
         break;
     }
   }
@@ -248,10 +248,10 @@ void MaskRule::decide_grey(const Survey& survey) {
     for (std::uint8_t label = 0; label <= kOwnLabels; ++label)
       meanings_[label] = {label == static_cast<std::uint8_t>(Label::person), label};
     reason_ = "label images (1 person, 2 chair, 3 display), dynamic where 1";
-  } else if (top >= kHalf && (survey.mostly(top) || values.size() >= kContinuous)) {
+  } else if (top >= kMaskHalf && (survey.mostly(top) || values.size() >= kContinuous)) {
     how_ = How::above;
-    value_ = kHalf;
-    reason_ = fmt::format("grey masks, dynamic where {} or more", kHalf);
+    value_ = kMaskHalf;
+    reason_ = fmt::format("grey masks, dynamic where {} or more", kMaskHalf);
   } else if (values.size() == 1) {
     how_ = How::one_value;
     value_ = top;
@@ -291,10 +291,10 @@ void MaskRule::decide_indexed(const Survey& survey) {
 
 void MaskRule::decide_deep(const Survey& survey) {
   const int top = survey.values().back();
-  const bool mask = top >= kDeepHalf && survey.mostly(top);
+  const bool mask = top >= kMaskDeepHalf && survey.mostly(top);
   how_ = mask ? How::above : How::instances;
-  value_ = kDeepHalf;
-  reason_ = mask ? fmt::format("16-bit masks, dynamic where {} or more", kDeepHalf)
+  value_ = kMaskDeepHalf;
+  reason_ = mask ? fmt::format("16-bit masks, dynamic where {} or more", kMaskDeepHalf)
                  : "16-bit instances, dynamic where not 0";
 }
 
