@@ -105,6 +105,7 @@
 #include "dynslam/optim/surface_weights.hpp"
 #include "dynslam/optim/trajectory_smoothing.hpp"
 #include "dynslam/optim/truncated_cost.hpp"
+#include "dynslam/robust/block_jackknife.hpp"
 #include "dynslam/robust/chi_square.hpp"
 #include "dynslam/robust/consensus.hpp"
 #include "dynslam/robust/kernels.hpp"

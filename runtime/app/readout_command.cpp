@@ -48,8 +48,9 @@ int ReadoutCommand::run() const {
                              o_->sequence.string(), report.why_not);
     return kInputFailure;
   }
-  std::cout << fmt::format("readout_time = {:.4f}    # good to 3 ms; the camera's file had {}\n",
-                           *report.readout, camera.readout_time);
+  std::cout << fmt::format("readout_time = {:.4f}    # 95 %: {:.4f} to {:.4f}; the camera's file had {}\n",
+                           *report.readout, *report.readout - report.half_width,
+                           *report.readout + report.half_width, camera.readout_time);
   return 0;
 }
 

@@ -29,6 +29,7 @@
 #include "dynslam/map/point_maker.hpp"
 #include "dynslam/optim/image_alignment.hpp"
 #include "dynslam/optim/readout_measurement.hpp"
+#include "dynslam/robust/block_jackknife.hpp"
 #include "moving_scene.hpp"
 #include "random.hpp"
 #include "record.hpp"
@@ -114,6 +115,10 @@ TEST_CASE_TEMPLATE("points of one view are found in the next, with its pose, beh
                             readout);
   CHECK(std::abs(readout.correction()) < S(0.02));
   CHECK(readout.sigma() < S(0.02));
+  CHECK(readout.images().size() == 1);
+  CHECK(readout.interval().half_width == std::numeric_limits<S>::infinity());  // of one image
+  CHECK_FALSE(readout_between<S>(readout, S(0), readout, S(0.02)));            // of one time
+  CHECK(block_jackknife<S>(6, [](std::size_t, std::size_t) { return S(1); }) < S(1e-6));
   CHECK((result.T_c_w * wall.T_c1_w.inverse()).log().norm() < S(0.01));
   wall.matcher.drop_unmatched(now);
   // By descriptor, from a frame that is the first one again.

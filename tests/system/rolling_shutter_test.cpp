@@ -65,15 +65,41 @@ TEST_CASE("rows that are read one after the other are brought to one time: the e
   CHECK(test::bytes(folder.path / "given" / "trajectory.txt") ==
         test::bytes(folder.path / "with" / "trajectory.txt"));
   CHECK(without > 0.004);
+}
 
-  // What the camera's file does not say, the images do.
-  const ReadoutReport report =
-      measure_readout(load_sequence(rolling), load_camera((folder.path / "global.txt").string()));
-  CAPTURE(report.why_not);
-  REQUIRE(report.readout);
-  CHECK(std::abs(*report.readout - 0.024) < 0.004);
-  CHECK(report.trials.front().assumed == 0);
-  CHECK(report.trials.front().tracked == 40);
+TEST_CASE("a readout is measured from images, with an interval that holds it, or refused") {
+  const test::TemporaryFolder folder;
+  SynthOptions synth;
+  synth.frames = 60;
+  synth.scenario = "empty";
+  synth.path = "rpy";
+  for (const double truth : {0.024, 0.0}) {
+    CAPTURE(truth);
+    synth.readout_time = truth;
+    const auto made = folder.path / (truth == 0 ? "global" : "rolling");
+    synthesize(synth, made);
+    const Sequence sequence = load_sequence(made);
+    const ReadoutReport report = measure_readout(sequence, camera_of(sequence));
+    CAPTURE(report.why_not);
+    REQUIRE(report.readout);
+    CAPTURE(*report.readout);
+    CAPTURE(report.half_width);
+    CHECK(std::abs(*report.readout - truth) < report.half_width);
+    CHECK(report.half_width < 0.007);
+    CHECK(report.trials.front().assumed == 0);
+    CHECK(report.trials.front().tracked == 60);
+    // The first second turns too little: 0.013 with nothing beside it would be wrong of a global shutter.
+    Sequence first = sequence;
+    first.frames.resize(30);
+    const ReadoutReport vague = measure_readout(first, camera_of(first));
+    if (vague.readout) CHECK(std::abs(*vague.readout - truth) < vague.half_width);
+    CHECK((vague.readout || vague.why_not.starts_with("rows ")));
+    // At 5 Hz nothing tells how the camera moves meanwhile, however quickly it does.
+    Sequence slow = sequence;
+    slow.frames.clear();
+    for (std::size_t i = 0; i < sequence.frames.size(); i += 6) slow.frames.push_back(sequence.frames[i]);
+    CHECK(measure_readout(slow, camera_of(slow)).why_not.starts_with("frames are 0.20 s apart"));
+  }
 }
 
 TEST_CASE("the readout of a camera that stands still cannot be measured, and that is said") {

@@ -6,7 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
+#include "dynslam/optim/readout_measurement.hpp"
 #include "dynslam/runtime/io/frame_stream.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
 #include "median.hpp"
@@ -14,11 +18,16 @@
 namespace dynslam::runtime {
 namespace {
 
-constexpr std::size_t kMaxTrials = 12;
-constexpr double kSettled = 0.0005;  // between two trials [s]
-constexpr double kTooVague = 0.001;  // standard deviation [s]: the camera hardly moves
+constexpr double kTooVague = 0.001;  // standard deviation by scatter [s]: the camera hardly moves
+constexpr double kBeside = 0.008;  // of a trial from the time that it is to bracket [s]: over less, what two
+                                   // runs differ by at random outweighs what they are to differ by
 
-ReadoutTrial try_readout(const Sequence& sequence, CameraConfig camera, double assumed) {
+struct Run {
+  ReadoutTrial trial;
+  ReadoutMeasurement<double> measurement;
+};
+
+Run run_as_if(const Sequence& sequence, CameraConfig camera, double assumed) {
   camera.readout_time = assumed;
   TrackerOptions options;
   options.dynamics = DynamicsMode::geometric;
@@ -27,18 +36,20 @@ ReadoutTrial try_readout(const Sequence& sequence, CameraConfig camera, double a
   options.additions->proven_points = true;
   Tracker tracker(camera, options);
   tracker.measure_readout();
-  ReadoutTrial trial;
-  trial.assumed = assumed;
+  Run run;
+  run.trial.assumed = assumed;
   FrameStream stream(sequence, camera);
   while (const auto frame = stream.next()) {
     if (!frame->frame) continue;  // broken ones are `info`'s to tell of
     const TrackResult result = tracker.track(*frame->frame, std::nullopt);
-    trial.tracked += result.ok() ? 1 : 0;
+    run.trial.tracked += result.ok() ? 1 : 0;
   }
   tracker.finish();
-  trial.correction = tracker.readout()->correction();
-  trial.sigma = tracker.readout()->sigma();
-  return trial;
+  run.measurement = *tracker.readout();
+  run.trial.correction = run.measurement.correction();
+  run.trial.sigma = run.measurement.sigma();
+  run.trial.measured = run.measurement.images().size();
+  return run;
 }
 
 /// Median time between frames [s].
@@ -49,48 +60,72 @@ double interval_of(const Sequence& sequence) {
   return median_of(intervals);
 }
 
+/// Why a run says nothing, whatever the others do; empty where it says something.
+std::string what_is_missing(const ReadoutTrial& now, std::size_t frames) {
+  if (2 * now.tracked < frames) return fmt::format("only {} of {} frames are tracked", now.tracked, frames);
+  if (!(now.sigma < kTooVague)) return "the camera moves too little";
+  constexpr std::size_t kFewest = 12;  // two per segment of the shortest interval
+  if (now.measured < kFewest)
+    return fmt::format("only {} frames follow close enough on another to tell of their rows", now.measured);
+  return {};
+}
+
 }  // namespace
 
 ReadoutReport measure_readout(const Sequence& sequence, const CameraConfig& camera,
                               const std::function<void(const ReadoutTrial&)>& progress) {
   ReadoutReport report;
   report.frames = sequence.frames.size();
-  const double longest = std::min(0.2, interval_of(sequence));  // rows are read before the next frame's are
-  // Too short a time asks for more, too long a one for less: regula falsi between the two (Illinois).
-  std::optional<ReadoutTrial> low, high;
-  double next = 0;
-  while (report.trials.size() < kMaxTrials) {
-    const ReadoutTrial now = report.trials.emplace_back(try_readout(sequence, camera, next));
-    if (progress) progress(now);
-    if (2 * now.tracked < report.frames) {
-      report.why_not = fmt::format("only {} of {} frames are tracked", now.tracked, report.frames);
-      return report;
-    }
-    if (!(now.sigma < kTooVague)) {
-      report.why_not = "the camera moves too little";
-      return report;
-    }
-    const bool ask_more = now.correction > 0;
-    std::optional<ReadoutTrial>&side = ask_more ? low : high, &other = ask_more ? high : low;
-    if (side && other) other->correction /= 2;  // else that end might stay for good
-    side = now;
-    if (!other) {
-      if (report.trials.size() > 1) {
-        report.why_not = "rows say nothing of it: turn the camera quicker, in all directions";
-        return report;
-      }
-      next = std::copysign(longest, now.correction);
-      continue;
-    }
-    const double last = next;
-    next = (low->assumed * high->correction - high->assumed * low->correction) /
-           (high->correction - low->correction);
-    if (std::abs(next - last) < kSettled) {
-      report.readout = next;
-      return report;
-    }
+  const double interval = interval_of(sequence);
+  const double farthest = TrackerOptions().search.longest_motion();
+  if (!(interval < farthest)) {
+    report.why_not = fmt::format(
+        "frames are {:.2f} s apart, too far to tell how the camera moves while it reads its rows: record at "
+        "more "
+        "than {:.0f} frames per second",
+        interval, 1 / farthest);
+    return report;
   }
-  report.why_not = fmt::format("no time needs no correction; the last was {:.4f} s", next);
+  const double longest = interval;  // rows are read before the next frame's are
+  const auto tried = [&](double assumed) {
+    Run run = run_as_if(sequence, camera, assumed);
+    report.trials.push_back(run.trial);
+    if (progress) progress(run.trial);
+    report.why_not = what_is_missing(run.trial, report.frames);
+    return run;
+  };
+  Run low = tried(0);
+  if (!report.why_not.empty()) return report;
+  Run high = tried(std::copysign(longest, low.trial.correction));
+  // Too short a time asks for more, too long a one for less, though not in proportion: from the line between
+  // the two the next two are chosen, on either side and nearer.
+  constexpr int kRounds = 3;
+  for (int round = 0; report.why_not.empty(); ++round) {
+    if (high.trial.assumed < low.trial.assumed) std::swap(low, high);
+    const auto found =
+        readout_between<double>(low.measurement, low.trial.assumed, high.measurement, high.trial.assumed);
+    if (!found || !(std::abs(found->time) < 2 * longest)) {
+      report.why_not = "rows say nothing of it: turn the camera quicker, in all directions";
+      break;
+    }
+    const double middle = (low.trial.assumed + high.trial.assumed) / 2;
+    if (round > 0 && (std::abs(found->time - middle) <= kBeside || round == kRounds)) {
+      const double vague = interval / 4;
+      if (found->half_width < vague) {
+        report.readout = found->time;
+        report.half_width = found->half_width;
+      } else {
+        report.why_not = fmt::format(
+            "rows leave it open between {:.3f} and {:.3f} s: record longer, and turn "
+            "the camera quicker, in all directions",
+            found->time - found->half_width, found->time + found->half_width);
+      }
+      break;
+    }
+    const double next = std::clamp(found->time, -longest, longest);
+    low = tried(next - kBeside);
+    if (report.why_not.empty()) high = tried(next + kBeside);
+  }
   return report;
 }
 

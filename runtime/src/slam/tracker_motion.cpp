@@ -16,7 +16,7 @@ void Tracker::set_motion(const Present& now, const SE3<double>& T_c_last) {
 
 std::optional<double> Tracker::interval(const RgbdFrame& input) const {
   const double interval = input.t - last_.t;
-  if (!initialised_ || lost_frames_ > 0 || interval <= 0 || interval >= 4 * options_.search.longest_delay)
+  if (!initialised_ || lost_frames_ > 0 || interval <= 0 || interval >= options_.search.longest_motion())
     return std::nullopt;
   return interval;
 }

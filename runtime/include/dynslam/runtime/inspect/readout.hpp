@@ -20,6 +20,7 @@ struct ReadoutTrial {
   double correction = 0;  ///< ReadoutMeasurement::correction() [s]
   double sigma = 0;       ///< its standard deviation by scatter alone [s]
   std::size_t tracked = 0;
+  std::size_t measured = 0;  ///< frames that said something of their rows
 };
 
 /// What measure_readout() found.
@@ -27,12 +28,14 @@ struct ReadoutReport {
   std::vector<ReadoutTrial> trials;
   std::size_t frames = 0;         ///< in each
   std::optional<double> readout;  ///< CameraConfig::readout_time that needs no correction [s]
+  double half_width = 0;          ///< of its 95 % interval [s]
   std::string why_not;            ///< one line where there is none
 };
 
 /// Measures how long a camera takes to read the rows of its colour images, without ground truth: the sequence
-/// is tracked with assumed times until the rows need no correction. The scene should stand still while the
-/// camera turns quickly, up and down as well as to the sides. Good to 3 ms.
+/// is tracked with assumed times, and the time at which rows need no correction lies between two of them
+/// (readout_between()). The scene should stand still while the camera turns quickly, up and down as well as
+/// to the sides. An interval wider than a quarter of the time between two frames either way is no result.
 /// @param camera    its readout_time is not used
 /// @param progress  called after each run
 [[nodiscard]] ReadoutReport measure_readout(const Sequence& sequence, const CameraConfig& camera,

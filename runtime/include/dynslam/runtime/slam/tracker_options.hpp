@@ -63,6 +63,9 @@ struct PoseSearchOptions {
   double recovered_speed = 0.5;
   int recovered_inliers = 12;   ///< of such a pose: fewer than without that bound, for it says most already
   double longest_delay = 0.05;  ///< of a depth image, over which the velocity is trusted [s]
+
+  /// Between two frames, below which they tell how the camera moved while they were taken [s].
+  [[nodiscard]] double longest_motion() const { return 4 * longest_delay; }
 };
 
 /// Options of Tracker.
