@@ -85,46 +85,20 @@ def masks():
 
 def paper():
     """ATE RMSE [cm] of the paper's method alone, `--method paper`, beside dynslam's (`--method full`): medians of seeds 1
-    to 3, the worst in brackets. Rolling shutters are modelled in both; *rows at once* is the paper's method with a
-    camera that has no `readout_time`, so without anything that the paper does not have.
+    to 3, the worst in brackets. Rolling shutters are modelled in both; *rows at once* is the paper's method with
+    `--readout-time 0`, so without what it owes to that.
 
-    dynslam run SEQ --dynamics MODE --method paper [--camera FILE]"""
+    dynslam run SEQ --dynamics MODE --method paper [--readout-time 0]"""
     rows = []
     for sequence in sq.recorded():
         if sequence.truth is None:
             continue
-        variants = {"paper": {"method": "paper"}, "full": {"method": "full"}}
-        plain = camera_with_readout(sequence, None)
-        if plain:
-            variants = {"rows_at_once": {"method": "paper", "camera": plain}, **variants}
+        variants = {"rows_at_once": {"method": "paper", "readout-time": 0}, "paper": {"method": "paper"},
+                    "full": {"method": "full"}}
         by = measured(sequence, MODES, [1, 2, 3], variants=variants, group="paper")
         names = {"rows_at_once": "paper, rows at once", "paper": "paper", "full": "dynslam"}
         rows += [[sequence.name, names[v], *(error(by[v, mode]) for mode in MODES)] for v in variants]
     return table(["sequence", "method", *(f"`{mode}`" for mode in MODES)], rows)
-
-
-def camera_of(sequence):
-    """The name of a recorded sequence's camera file."""
-    for key in ("fr1", "fr2", "fr3", "bonn"):
-        if key in sequence.key.replace("freiburg", "fr"):
-            return key if key == "bonn" else f"tum_{key}"
-    return None
-
-
-def camera_with_readout(sequence, seconds):
-    """The sequence's camera with another `readout_time`, or none."""
-    name = camera_of(sequence)
-    if name is None:
-        return None
-    lines = (sq.ROOT / f"examples/cameras/{name}.txt").read_text().splitlines()
-    lines = [line for line in lines if not line.startswith("readout_time")]
-    if seconds is not None:
-        lines.append(f"readout_time = {seconds}")
-    file = sq.WORK / "cameras" / f"{name}_{seconds}.txt"
-    file.parent.mkdir(parents=True, exist_ok=True)
-    if not file.exists() or file.read_text() != "\n".join(lines) + "\n":
-        file.write_text("\n".join(lines) + "\n")
-    return file
 
 
 def readout():
@@ -141,15 +115,15 @@ def readout():
 
 
 def readout_times():
-    """ATE RMSE [cm], `geometric`, with other readout times in the camera's file; median of seeds 1 to 3 (worst).
+    """ATE RMSE [cm], `geometric`, with other readout times than the camera's; median of seeds 1 to 3 (worst).
 
-    dynslam run SEQ --dynamics geometric --camera FILE"""
+    dynslam run SEQ --dynamics geometric --readout-time S"""
     times = [0, 0.016, 0.02, 0.024, 0.028]
     rows = []
     for sequence in sq.recorded():
         if sequence.key not in (sq.RECORDED[0][0], sq.RECORDED[1][0], sq.RECORDED[4][0], sq.RECORDED[5][0]):
             continue
-        variants = {f"ms{int(1000 * t)}": {"camera": camera_with_readout(sequence, t)} for t in times}
+        variants = {f"ms{int(1000 * t)}": {"readout-time": t} for t in times}
         by = measured(sequence, ["geometric"], [1, 2, 3], variants=variants, group="readout")
         rows.append([sequence.name, *(error(by[v, "geometric"]) for v in variants)])
     return table(["sequence", *(f"{int(1000 * t)} ms" for t in times)], rows)
