@@ -224,7 +224,7 @@ void cells_of(const ImageSet<S>& set, Record<double>& out) {
   const auto verified = [](int u, int) { return u > 45; };
   const auto resting = resting_instances(Kind::in(instances), Kind::in(mask), Kind::in(depth), Kind::in(full),
                                          verified, RestingOptions<S>{4, 40, S(0.4), S(1.1)});
-  out.put("resting_instances", resting.size() == 3 && resting[2] == 1);
+  out.put("resting_instances", resting.size() == 1 && resting[0] == 2);
   auto parts = Kind::make(zero);
   split_instances(
       Kind::in(instances), [](int u, int) { return u > 30 ? 1 : 0; }, Kind::out(parts));

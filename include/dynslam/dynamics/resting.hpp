@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -27,7 +28,7 @@ struct RestingOptions {
 
 /// Splits instances by the surfaces that they lie on: what a network takes for one thing may be a mover and
 /// the desk below it, of which only one is at rest.
-/// @param instances  0 = none, else the instance's number
+/// @param instances  0 = none, else the instance's number, any that its type has
 /// @param surface    surface(u, v) -> int: number of the connected surface at a pixel
 /// @param parts      out, of the same size: 0 = none, else the part's number, counted in the order of the
 /// rows
@@ -36,82 +37,84 @@ template <LabelImage Instances, class Surface, OutputLabelImage Parts>
 std::size_t split_instances(const Instances& instances, Surface&& surface, Parts&& parts) {
   DYNSLAM_ASSERT(instances.width() == parts.width() && instances.height() == parts.height(),
                  "both images have the same size");
+  using Id = typename Instances::Pixel;
   using Number = typename std::remove_reference_t<Parts>::Pixel;
-  std::vector<std::pair<std::int64_t, std::int64_t>> known;  // instance and surface of each part
-  std::size_t last = 0;                                      // neighbours mostly are of one part
+  constexpr auto kMost = static_cast<std::uintmax_t>(std::numeric_limits<Number>::max());
+  std::map<std::pair<Id, std::int64_t>, Number> known;  // instance and surface of each part
+  auto last = known.end();                              // neighbours mostly are of one part
   for (int v = 0; v < instances.height(); ++v) {
     for (int u = 0; u < instances.width(); ++u) {
-      if (instances(u, v) <= 0) {
+      const Id id = instances(u, v);
+      if (id <= 0) {
         parts(u, v) = 0;
         continue;
       }
-      const std::pair<std::int64_t, std::int64_t> at(instances(u, v), surface(u, v));
-      if (last >= known.size() || known[last] != at) {
-        last = static_cast<std::size_t>(std::find(known.begin(), known.end(), at) - known.begin());
-        if (last == known.size() && last < static_cast<std::size_t>(std::numeric_limits<Number>::max()))
-          known.push_back(at);
-        last = std::min(last, known.size() - 1);
+      const std::pair<Id, std::int64_t> at(id, surface(u, v));
+      if (last == known.end() || last->first != at) {
+        last = known.find(at);
+        if (last == known.end() && known.size() < kMost)
+          last = known.emplace(at, static_cast<Number>(known.size() + 1)).first;
       }
-      parts(u, v) = static_cast<Number>(last + 1);
+      parts(u, v) = last == known.end() ? static_cast<Number>(kMost) : last->second;
     }
   }
   return known.size();
 }
 
 /// Instances on the a-priori mask that are at rest, such as people who sit: their points may serve the pose.
+/// What it costs goes by the samples, whatever the instances' numbers.
 /// @param instances  0 = none, else the instance's number, or that of its part (split_instances())
 /// @param prior      nonzero = may move
 /// @param depth      [m]
 /// @param moving     nonzero = seen to move
 /// @param verified   verified(u, v) -> bool: the surface at a pixel was seen in the same place long before
-/// @return per instance number 1 = at rest; shorter than the largest number where the last ones have no
-/// samples All images have the same size.
+/// @return numbers of the instances at rest, ascending. All images have the same size.
 template <LabelImage Instances, LabelImage Prior, DepthImage Depth, LabelImage Moving, class Verified,
           std::floating_point S>
-[[nodiscard]] std::vector<std::uint8_t> resting_instances(const Instances& instances, const Prior& prior,
-                                                          const Depth& depth, const Moving& moving,
-                                                          Verified&& verified,
-                                                          const RestingOptions<S>& options) {
+[[nodiscard]] std::vector<typename Instances::Pixel> resting_instances(const Instances& instances,
+                                                                       const Prior& prior, const Depth& depth,
+                                                                       const Moving& moving,
+                                                                       Verified&& verified,
+                                                                       const RestingOptions<S>& options) {
   DYNSLAM_ASSERT(instances.width() == prior.width() && instances.height() == prior.height() &&
                      instances.width() == depth.width() && instances.height() == depth.height() &&
                      instances.width() == moving.width() && instances.height() == moving.height(),
                  "all images have the same size");
+  using Id = typename Instances::Pixel;
   struct Count {
     int seen = 0, still = 0, moving = 0;
   };
-  std::vector<Count> counts;
+  std::map<Id, Count> counts;
   for (int v = 0; v < instances.height(); v += options.stride) {
     for (int u = 0; u < instances.width(); u += options.stride) {
-      if (instances(u, v) <= 0 || prior(u, v) == 0 || !is_valid_depth(depth(u, v))) continue;
-      const auto id = static_cast<std::size_t>(instances(u, v));
-      if (counts.size() <= id) counts.resize(id + 1);
-      ++counts[id].seen;
-      counts[id].still += verified(u, v) ? 1 : 0;
-      counts[id].moving += moving(u, v) != 0 ? 1 : 0;
+      const Id id = instances(u, v);
+      if (id <= 0 || prior(u, v) == 0 || !is_valid_depth(depth(u, v))) continue;
+      Count& count = counts[id];
+      ++count.seen;
+      count.still += verified(u, v) ? 1 : 0;
+      count.moving += moving(u, v) != 0 ? 1 : 0;
     }
   }
-  std::vector<std::uint8_t> resting(counts.size(), 0);
-  for (std::size_t id = 1; id < counts.size(); ++id) {
-    const Count& c = counts[id];
+  std::vector<Id> resting;
+  for (const auto& [id, c] : counts) {
     const auto seen = static_cast<S>(c.seen);
-    resting[id] = c.seen >= options.min_samples && static_cast<S>(c.still) >= options.min_still * seen &&
-                          static_cast<S>(c.moving) <= options.max_moving * seen
-                      ? 1
-                      : 0;
+    if (c.seen >= options.min_samples && static_cast<S>(c.still) >= options.min_still * seen &&
+        static_cast<S>(c.moving) <= options.max_moving * seen)
+      resting.push_back(id);
   }
   return resting;
 }
 
 /// Gives back what is at rest: clears its pixels in a mask of what moves and marks them (255) in one of what
 /// rests.
-/// @param resting  as resting_instances() returns it
+/// @param resting  ascending, as resting_instances() returns it
 template <LabelImage Instances, OutputLabelImage Dynamic, OutputLabelImage Rest>
-void give_back_resting(const Instances& instances, const std::vector<std::uint8_t>& resting,
+void give_back_resting(const Instances& instances, const std::vector<typename Instances::Pixel>& resting,
                        Dynamic&& dynamic, Rest&& at_rest) {
+  if (resting.empty()) return;
   for (int v = 0; v < instances.height(); ++v) {
     for (int u = 0; u < instances.width(); ++u) {
-      const auto id = static_cast<std::size_t>(instances(u, v));
-      if (id >= resting.size() || resting[id] == 0) continue;
+      if (!std::binary_search(resting.begin(), resting.end(), instances(u, v))) continue;
       dynamic(u, v) = 0;
       at_rest(u, v) = static_cast<typename std::remove_reference_t<Rest>::Pixel>(255);
     }
