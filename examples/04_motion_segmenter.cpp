@@ -28,7 +28,7 @@ int main() {
       gray.pixels[i] = static_cast<unsigned char>(128 + 99 * std::sin(23 * x) * std::sin(31 * y));
     }
     const dynslam::SE3f T_c_w(dynslam::SO3f(), Eigen::Vector3f(-camera_x, 0, 0));  // tracked by your system
-    const auto& motion = segmenter.segment(gray, depth, T_c_w);
+    const auto& motion = segmenter.segment(gray, depth, k / 30.0, T_c_w);
     segmenter.remember(T_c_w, motion.mask);  // after dropping features on the mask and tracking again
     for (int i = 0; k >= 10 && i < 320 * 240; ++i) {
       const int hits = (motion.mask(i % 320, i / 320) != 0) + (truth(i % 320, i / 320) != 0);

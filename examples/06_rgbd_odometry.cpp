@@ -170,7 +170,7 @@ class MaskedOdometry {
     const dynslam::ImageView<const unsigned char> gray(frame.gray.ptr(), w, h);
     const dynslam::ImageView<const float> depth(frame.depth.ptr<float>(), w, h);
     const SE3d T_c_w = segmenter_.locate(gray, depth, velocity_ * T_located_).T_c_w;
-    const auto& moving = segmenter_.segment(gray, depth, T_c_w);
+    const auto& moving = segmenter_.segment(gray, depth, frame.t, T_c_w);
     segmenter_.remember(T_c_w, moving.mask);
     still = cv::Mat(frame.gray.size(), CV_8UC1);
     for (int v = 0; v < h; ++v) {

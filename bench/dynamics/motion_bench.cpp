@@ -124,9 +124,11 @@ void segmenter(benchmark::State& state) {
   for (auto _ : state) {
     MotionSegmenter<S, Pinhole<S>> motion(camera);
     found = moving = wrong = 0;
+    double t = 0;
     for (const Frame& frame : frames()) {
       const SE3<S> T = frame.T_w_c.cast<S>().inverse();
-      const auto& result = motion.segment(frame.gray, frame.depth, T);
+      const auto& result = motion.segment(frame.gray, frame.depth, t, T);
+      t += 1 / 30.0;
       motion.remember(T, result.mask);
       for (int i = 0; i < 640 * 480; ++i) {
         const bool on = result.mask.data()[i] != 0, truth = frame.moving.data()[i] != 0;

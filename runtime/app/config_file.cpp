@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iostream>
 #include <istream>
 #include <optional>
 #include <string_view>
@@ -43,7 +44,8 @@ std::vector<CLI::ConfigItem> ConfigFile::from_config(std::istream& in) const {
   std::optional<runtime::DynamicsMode> ignored_mode;
   const auto own = fields_.find(name);
   auto fields = own != fields_.end() ? own->second : runtime::config_fields(ignored, ignored_mode);
-  runtime::read_config(in, file, fields, sections);
+  for (const std::string& note : runtime::read_config(in, file, fields, sections))
+    std::cerr << "dynslam: warning: " << note << '\n';
   return result;
 }
 

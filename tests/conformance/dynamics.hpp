@@ -72,7 +72,8 @@ template <class Kind, class Camera>
     put_image(out, "foreground", Kind::in(foreground));
     const auto located = segmenter.locate(Kind::in(gray), Kind::in(depth), T_c_w, Kind::in(none));
     out.put("locate", located.T_c_w.template cast<double>().log());
-    const auto& motion = segmenter.segment(Kind::in(gray), Kind::in(depth), T_c_w, Kind::in(none));
+    const auto& motion = segmenter.segment(Kind::in(gray), Kind::in(depth), static_cast<double>(k) / 30,
+                                           T_c_w, Kind::in(none));
     out.put("ok", motion.ok());
     out.put("tracked", motion.tracked);
     out.put("seeds", motion.seeds);
@@ -89,6 +90,8 @@ template <class Kind, class Camera>
       }
     }
   }
+  segmenter.clear();
+  out.put("clear", segmenter.has_reference() ? 1 : 0);
   found_share = static_cast<double>(found) / there;
   return out;
 }
@@ -158,13 +161,14 @@ template <class Kind, class Camera>
   for (std::size_t k = 0; k <= last; ++k) {
     const auto image = Kind::make(sequence.depth[k]);
     grid.reduce(Kind::in(image), depth, smooth);
-    history.check(grid, depth, smooth, pose(k), verdicts);
-    state_cells(grid, Kind::in(none), nothing_moved, state, verdicts.age);
+    const double t = static_cast<double>(k) / 30;
+    history.check(grid, depth, smooth, t, pose(k), verdicts);
+    state_cells(grid, Kind::in(none), nothing_moved, state);
     put_image(out, "state", state);
-    if (k < last) history.remember(depth, pose(k), state, verdicts.age);
+    if (k < last) history.remember(depth, t, pose(k), state, verdicts.age);
   }
   const auto moving = Kind::make(sequence.moving[last]);
-  state_cells(grid, Kind::in(moving), nothing_moved, state, verdicts.age);
+  state_cells(grid, Kind::in(moving), nothing_moved, state);
   put_image(out, "state", state);
 
   MovedOutlineWorkspace outlines;

@@ -155,7 +155,8 @@ void growing_of(const ImageSet<S>& set, Record<double>& out) {
   const Image<std::uint8_t> zero(kWidth, kHeight, 0);
   const auto depth = Kind::make(set.depth);
   const auto instances = Kind::make(set.instances);
-  auto barrier = Kind::make(zero), grown = Kind::make(zero), seed = Kind::make(zero), age = Kind::make(zero);
+  auto barrier = Kind::make(zero), grown = Kind::make(zero), seed = Kind::make(zero);
+  auto age = Kind::make(Image<float>(kWidth, kHeight, 0.0F));
   for (int v = 0; v < kHeight; ++v) Kind::out(barrier)(60, v) = 1;
   const auto camera = conformance_camera<Pinhole<S>>();
   Image<Eigen::Matrix<S, 3, 1>> normals(kWidth, kHeight);
@@ -191,6 +192,11 @@ void growing_of(const ImageSet<S>& set, Record<double>& out) {
   UnmeasuredWorkspace unmeasured;
   complete_unmeasured(labels, Kind::in(depth), Kind::out(grown), {}, unmeasured);
   put_image(out, "complete_mask", Kind::in(grown));
+  for (int v = 0; v < kHeight; ++v) {  // means go by finite numbers
+    for (int u = 0; u < kWidth; ++u) {
+      if (std::isinf(Kind::in(age)(u, v))) Kind::out(age)(u, v) = 1;
+    }
+  }
   put_image(out, "grow_mask.age", Kind::in(age));
   const std::vector<VerdictSite> sites{{30, 30, true}, {34, 30, true}, {32, 34, false}};
   Image<int> parts;

@@ -24,13 +24,17 @@ struct Fixture {
   DepthGrid grid{Pinhole<S>(S(200), S(200), S(79.5), S(59.5)), 160, 120, {.columns = 40}};
   FreeSpaceHistory<S> history;
   Image<float> depth;
-  Image<std::uint8_t> smooth, still, age;
+  Image<std::uint8_t> smooth, still;
+  Image<float> age;
   FreeSpaceVerdicts verdicts;
+  double t = 0;  ///< of the frame at hand [s]
+  static constexpr double kFrame = 1 / 30.0;
 
   Fixture() {
     still.resize(grid.width(), grid.height());
     still.fill(kCellStatic);
-    age = still;
+    age.resize(grid.width(), grid.height());
+    age.fill(0);
   }
   /// A wall at 3 m with a box of 1.5 m around column `left` of the image, if it is inside.
   void look(int left) {
@@ -76,11 +80,14 @@ TEST_CASE_TEMPLATE(
     Fixture<S> f;
     for (int k = 0; k < 12; ++k) {
       const auto shutter = f.look_turning(-turn);
-      f.history.check(f.grid, f.depth, f.smooth, SE3<S>(), f.verdicts, known ? shutter : RollingShutter<S>());
-      f.history.remember(f.depth, SE3<S>(), f.still, f.age);
+      f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts,
+                      known ? shutter : RollingShutter<S>());
+      f.history.remember(f.depth, f.t, SE3<S>(), f.still, f.age);
+      f.t += f.kFrame;
     }
     const auto shutter = f.look_turning(turn);
-    f.history.check(f.grid, f.depth, f.smooth, SE3<S>(), f.verdicts, known ? shutter : RollingShutter<S>());
+    f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts,
+                    known ? shutter : RollingShutter<S>());
     if (known)
       CHECK(f.seeds() == 0);
     else
@@ -92,11 +99,12 @@ TEST_CASE_TEMPLATE("what has come contradicts the free space, what was there is 
   Fixture<S> f;
   for (int k = 0; k < 12; ++k) {
     f.look(-100);
-    f.history.check(f.grid, f.depth, f.smooth, SE3<S>(), f.verdicts);
-    f.history.remember(f.depth, SE3<S>(), f.still, f.age);
+    f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
+    f.history.remember(f.depth, f.t, SE3<S>(), f.still, f.age);
+    f.t += f.kFrame;
   }
   f.look(60);
-  f.history.check(f.grid, f.depth, f.smooth, SE3<S>(), f.verdicts);
+  f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
   CHECK(f.verdicts.seed(19, 15) == 1);
   CHECK(f.verdicts.age(19, 15) == 0);
   CHECK(f.verdicts.verified(19, 15) == 0);
@@ -108,30 +116,56 @@ TEST_CASE_TEMPLATE("what has come contradicts the free space, what was there is 
   // What was found moving is handed on for a while, though nothing new speaks against it.
   Image<std::uint8_t> moved = f.still;
   moved(19, 15) = kCellMoved;
-  for (int k = 0; k < 5; ++k) f.history.remember(f.depth, SE3<S>(), moved, f.age);
   f.history.clear();
-  f.history.remember(f.depth, SE3<S>(), moved, f.age);
-  f.history.check(f.grid, f.depth, f.smooth, SE3<S>(), f.verdicts);
+  f.history.remember(f.depth, f.t, SE3<S>(), moved, f.age);
+  f.history.check(f.grid, f.depth, f.smooth, f.t + 0.05, SE3<S>(), f.verdicts);
   CHECK(f.verdicts.seed(19, 15) == 1);
-  CHECK(f.verdicts.age(19, 15) == 1);
+  CHECK(f.verdicts.age(19, 15) == doctest::Approx(0.05));
+  CHECK(f.verdicts.seed(4, 4) == 0);
+}
+
+TEST_CASE_TEMPLATE("a mask is carried for as many seconds as the options say, and what never moved never is",
+                   S, float, double) {
+  for (const double carry : {0.0, 0.3, 10.0, 60.0}) {
+    CAPTURE(carry);
+    Fixture<S> f;
+    FreeSpaceOptions options;
+    options.carry = carry;
+    f.history = FreeSpaceHistory<S>(options);
+    Image<std::uint8_t> moved = f.still;
+    moved(19, 15) = kCellMoved;
+    f.look(60);
+    f.history.remember(f.depth, f.t, SE3<S>(), moved, f.age);
+    // The last frame passes its mask on whenever the next one comes.
+    for (const double gap : {0.02, 0.29, 0.31, 2.0, 9.9, 10.1, 59.0, 61.0}) {
+      CAPTURE(gap);
+      f.history.check(f.grid, f.depth, f.smooth, f.t + gap, SE3<S>(), f.verdicts);
+      CHECK(f.verdicts.age(19, 15) == doctest::Approx(gap));
+      // Seen in the same place 0.83 s later, it rests.
+      CHECK(f.verdicts.seed(19, 15) == (gap <= carry && gap < options.rest_lag ? 1 : 0));
+      CHECK(f.seeds() <= 1);
+      CHECK(f.verdicts.age(4, 4) == FreeSpaceVerdicts::kNever);
+    }
+  }
 }
 
 TEST_CASE_TEMPLATE("a depth image taken half a frame beside its pose makes no movers of what stands still", S,
                    float, double) {
-  const auto seeds = [](double timing) {
+  const auto seeds = [](double unknown) {
     Fixture<S> f;
     FreeSpaceOptions options;
-    options.timing = timing;
+    options.depth_time_uncertainty = unknown * Fixture<S>::kFrame;
     f.history = FreeSpaceHistory<S>(options);
     for (int k = 0; k < 12; ++k) {
       f.look(60);
-      f.history.check(f.grid, f.depth, f.smooth, SE3<S>(), f.verdicts);
-      f.history.remember(f.depth, SE3<S>(), f.still, f.age);
+      f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
+      f.history.remember(f.depth, f.t, SE3<S>(), f.still, f.age);
+      f.t += f.kFrame;
     }
     // The camera goes aside by 0.15 m, by which the box should be 20 pixels farther left: it is only half
     // way.
     f.look(50);
-    f.history.check(f.grid, f.depth, f.smooth, SE3<S>(SO3<S>(), {S(-0.15), S(0), S(0)}), f.verdicts);
+    f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(SO3<S>(), {S(-0.15), S(0), S(0)}), f.verdicts);
     int count = 0;
     for (std::size_t c = 0; c < f.grid.cells(); ++c) count += f.verdicts.seed.data()[c];
     return count;
@@ -140,19 +174,53 @@ TEST_CASE_TEMPLATE("a depth image taken half a frame beside its pose makes no mo
   CHECK(seeds(0.5) == 0);
 }
 
-TEST_CASE("lags are times: at another frame rate other views are compared") {
-  FreeSpaceOptions options;
-  options.frame_rate = 5;  // 4 / 30 s and 1 / 30 s are the same view then
-  FreeSpaceHistory<double> slow(options);
-  Fixture<double> f;
-  for (int k = 0; k < 40; ++k) {
+TEST_CASE_TEMPLATE("lags are times, whenever the frames come", S, float, double) {
+  const std::vector<std::vector<double>> rates{
+      {0.2}, {0.1}, {1 / 30.0}, {1 / 60.0}, {1 / 400.0}, {0.02, 0.05}, {1 / 15.0, 1 / 30.0, 1 / 30.0}};
+  for (const std::vector<double>& intervals : rates) {
+    CAPTURE(intervals.front());
+    Fixture<S> f;
     f.look(-100);
-    slow.remember(f.depth, SE3<double>(), f.still, f.age);
+    std::size_t k = 0;
+    while (f.t < 3) {
+      f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
+      CHECK(f.seeds() == 0);
+      f.history.remember(f.depth, f.t, SE3<S>(), f.still, f.age);
+      f.t += intervals[k++ % intervals.size()];
+    }
+    CHECK(f.history.size() <= 242);  // two seconds of what is needed
+    // A box comes: it is seen at once, and takes as long at any rate to be taken for what stands.
+    f.look(60);
+    const double came = f.t;
+    double rests = 0;
+    while (rests == 0 && f.t < came + 4) {
+      f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
+      CHECK((f.t > came || f.verdicts.seed(19, 15) == 1));
+      if (f.verdicts.verified(19, 15) == 1) rests = f.t - came;
+      Image<std::uint8_t> state = f.still;
+      for (std::size_t c = 0; c < f.grid.cells(); ++c) state.data()[c] = f.verdicts.seed.data()[c];
+      f.history.remember(f.depth, f.t, SE3<S>(), state, f.verdicts.age);
+      f.t += intervals[k++ % intervals.size()];
+    }
+    CHECK(rests == doctest::Approx(4 / 3.0).epsilon(0.06));  // most of the views show it then
   }
-  CHECK(slow.size() == 10);  // two seconds
+}
+
+TEST_CASE_TEMPLATE("after a gap longer than all lags, the last view before it tells", S, float, double) {
+  Fixture<S> f;
+  for (int k = 0; k < 12; ++k) {
+    f.look(-100);
+    f.history.remember(f.depth, f.t, SE3<S>(), f.still, f.age);
+    f.t += f.kFrame;
+  }
+  f.t += 20;
+  f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
+  CHECK(f.seeds() == 0);
+  CHECK(f.verdicts.verified(19, 15) == 1);
   f.look(60);
-  slow.check(f.grid, f.depth, f.smooth, SE3<double>(), f.verdicts);
+  f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
   CHECK(f.verdicts.seed(19, 15) == 1);
+  CHECK(f.verdicts.seed(4, 4) == 0);
 }
 
 TEST_CASE(

@@ -83,7 +83,8 @@ Outcome run(const Camera& camera, double speed,
     if (k > 15) scene.board.x() += speed / 30;
     view.render(scene, camera_at(k));
     const SE3<S> T_c_w = camera_at(k).inverse().template cast<S>();
-    const auto& motion = segmenter.segment(ColumnImage<std::uint8_t>(view.gray), view.depth.view(), T_c_w);
+    const auto& motion =
+        segmenter.segment(ColumnImage<std::uint8_t>(view.gray), view.depth.view(), k / 30.0, T_c_w);
     REQUIRE(motion.ok());
     if (k >= kFrames - kLast) {
       outcome.overlap += overlap(motion.mask, view.moving) / kLast;
@@ -119,7 +120,7 @@ TEST_CASE_TEMPLATE("without any pose, the room locates the camera and the board 
     view.render(scene, camera_at(k));
     const auto located = segmenter.locate(view.gray.view(), view.depth.view(), velocity * last);
     CHECK(located.ok() == (k > 0));  // the first frame is where it is said to be
-    const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), located.T_c_w);
+    const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), k / 30.0, located.T_c_w);
     segmenter.remember(located.T_c_w, motion.mask);
     velocity = located.T_c_w * last.inverse();
     last = located.T_c_w;
@@ -155,11 +156,11 @@ TEST_CASE("images of another size are refused, not read beyond their end") {
   MotionSegmenter<double, Pinhole<double>> segmenter(camera);
   const Image<std::uint8_t> gray(kWidth, kHeight), small(60, 40);
   const Image<float> depth(kWidth, kHeight, 2.0F), small_depth(60, 40, 2.0F);
-  CHECK_FALSE(segmenter.segment(gray, small_depth, SE3<double>()).ok());
-  CHECK(segmenter.segment(gray, depth, SE3<double>()).ok());
-  CHECK_FALSE(segmenter.segment(small, small_depth, SE3<double>()).ok());
-  CHECK_FALSE(segmenter.segment(gray, depth, SE3<double>(), small).ok());
-  CHECK(segmenter.segment(gray, depth, SE3<double>(), gray).ok());
+  CHECK_FALSE(segmenter.segment(gray, small_depth, 0, SE3<double>()).ok());
+  CHECK(segmenter.segment(gray, depth, 0, SE3<double>()).ok());
+  CHECK_FALSE(segmenter.segment(small, small_depth, 0, SE3<double>()).ok());
+  CHECK_FALSE(segmenter.segment(gray, depth, 0, SE3<double>(), small).ok());
+  CHECK(segmenter.segment(gray, depth, 0, SE3<double>(), gray).ok());
   segmenter.remember(SE3<double>(), small);  // a mask of another size says nothing
 }
 
@@ -173,7 +174,7 @@ TEST_CASE("a correction of the map moves what is remembered with it") {
     view.render({}, camera_at(k));
     SE3<double> T_c_w = camera_at(k).inverse();
     if (k >= 16) T_c_w = T_c_w * D;
-    const auto& motion = segmenter.segment(view.gray, view.depth, T_c_w);
+    const auto& motion = segmenter.segment(view.gray, view.depth, k / 30.0, T_c_w);
     CHECK(share(motion.mask) < 0.01);
     CHECK(motion.dynamic_matches <= motion.tracked / 20);
     segmenter.remember(T_c_w, motion.mask);
@@ -189,7 +190,7 @@ TEST_CASE_TEMPLATE("depth images taken beside the grey ones make no movers, wher
   };
   const auto mean_share = [&](bool told) {
     MotionSegmenterOptions<S> options;
-    options.free_space.timing = 0;  // the rest is for what nobody knows
+    options.free_space.depth_time_uncertainty = 0;  // what is left of it is for what nobody knows
     MotionSegmenter<S, Pinhole<S>> segmenter(camera, options);
     SceneRenderer<Pinhole<S>> grey(camera, kWidth, kHeight), depth(camera, kWidth, kHeight);
     const MovingScene scene;
@@ -199,8 +200,8 @@ TEST_CASE_TEMPLATE("depth images taken beside the grey ones make no movers, wher
       grey.render(scene, at(k));
       depth.render(scene, at(k + delay));
       const SE3<S> T_c_w = at(k).inverse().template cast<S>();
-      if (told) segmenter.set_depth_motion((at(k + delay).inverse() * at(k)).template cast<S>());
-      const auto& motion = segmenter.segment(grey.gray.view(), depth.depth.view(), T_c_w);
+      if (told) segmenter.set_depth_delay(delay / 30, (at(k + delay).inverse() * at(k)).template cast<S>());
+      const auto& motion = segmenter.segment(grey.gray.view(), depth.depth.view(), k / 30.0, T_c_w);
       mean += share(motion.mask) / 40;
       segmenter.remember(T_c_w, motion.mask.view());
     }
@@ -234,8 +235,8 @@ TEST_CASE_TEMPLATE("a mover is covered where the grey image has it, though depth
       scene.board.x() = at(k + delay);
       depth.render(scene, T_w_depth);
       const SE3<S> T_c_w = T_w_c.inverse().template cast<S>();
-      segmenter.set_depth_motion((T_w_depth.inverse() * T_w_c).template cast<S>(), told ? delay : 0);
-      const auto& motion = segmenter.segment(grey.gray.view(), depth.depth.view(), T_c_w);
+      segmenter.set_depth_delay(told ? delay / 30 : 0, (T_w_depth.inverse() * T_w_c).template cast<S>());
+      const auto& motion = segmenter.segment(grey.gray.view(), depth.depth.view(), k / 30.0, T_c_w);
       int true_pixels = 0;
       Eigen::Vector2i found(0, 0);
       for (int v = 0; v < kHeight; ++v) {
@@ -283,7 +284,7 @@ TEST_CASE_TEMPLATE("a board that slides in its plane from the first frame on is 
       view.render(scene, camera_at(k));
       if (mostly_plain) make_mostly_plain(view.moving, view.gray);
       const SE3<S> T_c_w = camera_at(k).inverse().template cast<S>();
-      const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), T_c_w);
+      const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), k / 30.0, T_c_w);
       if (k >= kFrames - kLast) overlaps += overlap(motion.mask, view.moving) / kLast;
       segmenter.remember(T_c_w, motion.mask);
       scene.board.x() += 0.012;
@@ -316,7 +317,7 @@ TEST_CASE_TEMPLATE("a board that has most of the keypoints is found whole in the
     for (int k = 0; k < 2; ++k) {
       view.render(scene, camera_at(k));
       const SE3<S> T_c_w = camera_at(k).inverse().template cast<S>();
-      const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), T_c_w);
+      const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), k / 30.0, T_c_w);
       result = overlap(motion.mask, view.moving);
       segmenter.remember(T_c_w, motion.mask);
       scene.board.x() += 0.04;
@@ -343,8 +344,8 @@ TEST_CASE_TEMPLATE(
     }
     CHECK(overlap(foreground, boards) > 0.9);
     const SE3<S> T_c_w = camera_at(k).inverse().template cast<S>();
-    const auto& a = asked.segment(view.gray.view(), view.depth.view(), T_c_w);
-    const auto& b = other.segment(view.gray.view(), view.depth.view(), T_c_w);
+    const auto& a = asked.segment(view.gray.view(), view.depth.view(), k / 30.0, T_c_w);
+    const auto& b = other.segment(view.gray.view(), view.depth.view(), k / 30.0, T_c_w);
     CHECK(overlap(a.mask, b.mask) == 1.0);
     asked.remember(T_c_w, a.mask);
     other.remember(T_c_w, b.mask);
@@ -380,7 +381,7 @@ TEST_CASE_TEMPLATE("the rim of a board makes no mover of the wall behind it", S,
         }
       }
       const SE3<S> T_c_w = camera_at(k).inverse().template cast<S>();
-      const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), T_c_w);
+      const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), k / 30.0, T_c_w);
       int wrong = 0;
       for (int v = 0; v < kHeight; ++v) {
         for (int u = 0; u < kWidth; ++u) wrong += motion.mask(u, v) != 0 && around(u, v) == 0 ? 1 : 0;

@@ -18,7 +18,9 @@ struct OutlineScene {
   DepthGrid grid{Pinhole<S>(S(200), S(200), S(159.5), S(119.5)), 320, 240, {.columns = 80}};
   FreeSpaceHistory<S> history;
   Image<float> depth;
-  Image<std::uint8_t> smooth, still, age;
+  Image<std::uint8_t> smooth, still;
+  Image<float> age;
+  double t = 0;
   FreeSpaceVerdicts verdicts;
   MovedOutlineOptions options;
   MovedOutlineWorkspace ws;
@@ -27,7 +29,8 @@ struct OutlineScene {
   OutlineScene() {
     still.resize(grid.width(), grid.height());
     still.fill(kCellStatic);
-    age = still;
+    age.resize(grid.width(), grid.height());
+    age.fill(0);
   }
   /// Looks at the board with its left edge at a column of the image.
   void look(int left) {
@@ -39,8 +42,9 @@ struct OutlineScene {
       for (int u = 0; u < 320; ++u) image(u, v) = foot;
     }
     grid.reduce(image, depth, smooth);
-    history.check(grid, depth, smooth, SE3<S>(), verdicts);
-    history.remember(depth, SE3<S>(), still, age);
+    history.check(grid, depth, smooth, t, SE3<S>(), verdicts);
+    history.remember(depth, t, SE3<S>(), still, age);
+    t += 1 / 30.0;
     watch_outlines(depth, verdicts, RelativeStep<float>{0.03F, 0.01F}, FreeSpaceMargins<float>{}, options,
                    ws);
   }

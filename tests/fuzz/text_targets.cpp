@@ -99,7 +99,7 @@ void config(Bytes bytes) {
     std::optional<DynamicsMode> dynamics;
     ConfigFields fields = config_fields(options, dynamics);
     std::istringstream in(text);
-    read_config(in, "config", fields);
+    (void)read_config(in, "config", fields);
     return config_file(fields);
   };
   std::string printed;

@@ -8,6 +8,7 @@
 #include <set>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "dynslam/runtime/config/options_file.hpp"
 #include "error_text.hpp"
@@ -28,9 +29,9 @@ struct Configured {
   Configured(const Configured&) = delete;
   Configured& operator=(const Configured&) = delete;
 
-  void read(const std::string& text) {
+  std::vector<std::string> read(const std::string& text) {
     std::istringstream in(text);
-    read_config(in, "c.toml", fields);
+    return read_config(in, "c.toml", fields);
   }
 };
 
@@ -117,6 +118,18 @@ TEST_CASE("a printed configuration reads back the same: defaults, and every fiel
   check_equal(read, changed);
   read.read(config_file(defaults.fields));
   check_equal(read, defaults);
+}
+
+TEST_CASE("fields of earlier versions have no effect, and a line says so") {
+  Configured read;
+  const auto notes = read.read("[tracker.geometry.free_space]\ncarry = 10\nframe_rate = 400\ntiming = 0.2\n");
+  REQUIRE(notes.size() == 2);
+  CHECK(
+      notes[0] ==
+      "c.toml:3: tracker.geometry.free_space.frame_rate has no effect any more: the frames' time stamps tell "
+      "how old they are");
+  CHECK(mentions(notes[1], "c.toml:4: tracker.geometry.free_space.timing has no effect any more"));
+  CHECK(read.options.tracker.geometry.free_space.carry == 10);
 }
 
 TEST_CASE("a configuration's mistakes are named with file, line, what was expected and the nearest name") {

@@ -4,6 +4,8 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cstdint>
+#include <limits>
 
 #include "dynslam/dynamics/depth_grid.hpp"
 #include "dynslam/geometry/pinhole.hpp"
@@ -14,17 +16,20 @@ using namespace dynslam;
 
 namespace {
 
+constexpr float kNever = std::numeric_limits<float>::infinity();
+
 /// A box of 16 x 20 cells at 1.5 m before a wall at 3 m.
 struct Cells {
   Image<float> depth{80, 60, 3.0F};
-  Image<std::uint8_t> last, seed{80, 60}, barrier{80, 60}, age{80, 60, 255}, mask{80, 60};
+  Image<std::uint8_t> last, seed{80, 60}, barrier{80, 60}, mask{80, 60};
+  Image<float> age{80, 60, kNever};
   MaskGrowingWorkspace workspace;
   Cells() {
     for (int v = 20; v < 40; ++v) {
       for (int u = 30; u < 46; ++u) depth(u, v) = 1.5F;
     }
   }
-  void plant(int u0, int v0, int side, std::uint8_t years) {
+  void plant(int u0, int v0, int side, float years) {
     for (int v = v0; v < v0 + side; ++v) {
       for (int u = u0; u < u0 + side; ++u) {
         seed(u, v) = 1;
@@ -98,13 +103,13 @@ TEST_CASE("what is seen past a mover, and was taken for it once, grows old by it
   REQUIRE(cells.mask(47, 32) == 255);
   CHECK(cells.age(47, 32) == 9);
   CHECK(cells.age(38, 30) == 0);
-  // A hole that was filled without evidence on its surface is past all that is carried on.
+  // A hole that was filled has no evidence on its surface, and is not carried on.
   Cells ring;
   ring.depth(38, 30) = 2.5F;
   ring.plant(36, 24, 4, 0);
   ring.grow();
   CHECK(ring.mask(38, 30) == 255);
-  CHECK(ring.age(38, 30) == 254);
+  CHECK(ring.age(38, 30) == kNever);
 }
 
 TEST_CASE("few seeds on what is behind a mover are noise, however many the mover has") {
@@ -169,4 +174,15 @@ TEST_CASE("an enlarged mask follows the outline that the pixels' depth shows") {
   cells.fill(0);
   upsample_mask(cells.view(), reduced, depth, grid, mask.view(), zone);
   CHECK(std::count(mask.data(), mask.data() + 160 * 120, std::uint8_t{0}) == 160 * 120);
+}
+
+TEST_CASE("what only the growing reached is as old as the newest quarter of its surface's evidence") {
+  for (const int fresh : {1, 4, 5, 8}) {  // of 16 seeds
+    Cells cells;
+    cells.plant(36, 26, 4, 300.0F);
+    for (int k = 0; k < fresh; ++k) cells.age(36 + k % 4, 26 + k / 4) = 0;
+    cells.grow();
+    REQUIRE(cells.mask(32, 30) == 255);
+    CHECK(cells.age(32, 30) == (fresh >= 4 ? 0.0F : 300.0F));
+  }
 }

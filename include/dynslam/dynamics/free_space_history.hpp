@@ -26,45 +26,45 @@ namespace dynslam {
 
 /// Options of FreeSpaceHistory.
 struct FreeSpaceOptions {
-  double frame_rate = 30;  ///< of the frames that are remembered [1/s]; what follows is in seconds
   /// Ages of the views that the present one is compared with, ascending [s]: near ones follow what was found,
-  /// far ones show slow motion.
+  /// far ones show slow motion. The remembered view nearest to each is used, once. One that is not older than
+  /// the first only passes its mask on: in so short a time hardly anything moves by more than the noise.
   std::array<double, 7> lags{1 / 30.0, 4 / 30.0, 8 / 30.0, 0.5, 25 / 30.0, 40 / 30.0, 2.0};
-  double old_lag = 8 / 30.0;     ///< a mover has left its own volume by then: what is still there supports
-  double rest_lag = 25 / 30.0;   ///< what has stayed for so long is at rest, even if it moved before
-  double follow_lag = 4 / 30.0;  ///< views up to this age hand their masks on
-  double carry = 20 / 30.0;      ///< how long a mask survives without new evidence
+  double old_lag = 8 / 30.0;    ///< a mover has left its own volume by then: what is still there supports [s]
+  double rest_lag = 25 / 30.0;  ///< what has stayed for so long is at rest, even if it moved before [s]
+  double follow_lag = 4 / 30.0;  ///< the last view, and those up to this age, pass their masks on [s]
+  double carry = 20 / 30.0;      ///< how long a mask survives without new evidence [s]
   float near = 0.2F;             ///< nearer than this to an earlier camera nothing is judged [m]
   float max_depth = 5.0F;        ///< beyond, depth is too noisy to judge [m]
   FreeSpaceMargins<float> margins;
-  /// Share of the motion between two frames by which a depth image may lie beside its pose: its rows are not
-  /// taken at once (a rolling shutter), and nobody knows its time to the millisecond. Half of it where the
-  /// motion of the rows is given.
-  double timing = 0.2;
-  int max_shift = 4;  ///< beside its pose at most [cells]
+  /// By how much the time of a depth image may differ from that of its pose [s]: its rows are not taken at
+  /// once (a rolling shutter), and stamps are not good to the millisecond. Half of it where the motion of the
+  /// rows is given. A fifth of a frame at 30 Hz.
+  double depth_time_uncertainty = 1 / 150.0;
+  int max_shift = 4;  ///< of a depth image beside its pose, by that time and the camera's speed [cells]
 };
 
 /// Remembers reduced depth images with their poses and tells which surfaces of a new one lie in space that
 /// was seen to be free (they moved there) or were there already (they are at rest): Eq (6) made dense and
 /// signed, over several ages. Memory of dropped views is used again.
+///
+/// Ages are differences of the frames' time stamps, at any rate and over any gap. After a gap longer than all
+/// `lags` the last view before it is what the present one is compared with.
 template <std::floating_point S>
 class FreeSpaceHistory {
  public:
-  explicit FreeSpaceHistory(const FreeSpaceOptions& options = {}) : options_(options) {
-    for (const double lag : options_.lags) {
-      const std::size_t n = frames(lag);
-      if (lags_.empty() || n > lags_.back()) lags_.push_back(n);
-    }
-  }
+  explicit FreeSpaceHistory(const FreeSpaceOptions& options = {}) : options_(options) {}
 
   [[nodiscard]] const FreeSpaceOptions& options() const { return options_; }
   [[nodiscard]] std::size_t size() const { return views_.size(); }
 
   /// Compares the cells of a frame at T_c_w with earlier views.
   /// @param depth, smooth  as DepthGrid::reduce makes them
+  /// @param t        of the frame, later than those remembered [s]
   /// @param shutter  how the camera moved while the rows of the depth image were read
-  void check(const DepthGrid& grid, const Image<float>& depth, const Image<std::uint8_t>& smooth,
+  void check(const DepthGrid& grid, const Image<float>& depth, const Image<std::uint8_t>& smooth, double t,
              const SE3<S>& T_c_w, FreeSpaceVerdicts& out, const RollingShutter<S>& shutter = {}) {
+    now_ = t;
     shutter_ = GridShutter(shutter, grid.height());
     const std::size_t cells = grid.cells();
     violations_.assign(cells, 0);
@@ -73,40 +73,42 @@ class FreeSpaceHistory {
     out.age.fill(FreeSpaceVerdicts::kNever);
     shift_ = shift(grid, T_c_w);
     find_surfaces(depth, smooth);
-    const std::size_t oldest = views_.size();
-    for (std::size_t k = 0; k < lags_.size(); ++k) {
-      std::size_t lag = lags_[k];
-      if (lag > oldest) {  // young sequence: the oldest view there is, once
-        if (k == 0 || oldest <= lags_[k - 1]) break;
-        lag = oldest;
-      }
-      compare(grid, depth, T_c_w, lag, out.age);
+    std::size_t next = 0;  // view that was not yet compared
+    for (const double lag : options_.lags) {
+      const std::size_t view = nearest_view(lag);
+      if (view < next || view == views_.size()) continue;
+      compare(grid, depth, T_c_w, view, out.age);
+      next = view + 1;
     }
     find_bounds(depth);
     checked_ = true;
     out.gone.fill(0.0F);
-    std::size_t last = 0;
-    for (const double age : {options_.follow_lag, options_.old_lag}) {
-      const std::size_t lag = std::min(frames(age), oldest);
-      if (lag > last) find_gone(grid, T_c_w, lag, out.gone);
-      last = lag;
+    next = 0;
+    for (const double lag : {options_.follow_lag, options_.old_lag}) {
+      const std::size_t view = nearest_view(lag);
+      if (view < next || view == views_.size()) continue;
+      find_gone(grid, T_c_w, views_[view], out.gone);
+      next = view + 1;
     }
-    const std::size_t carry = frames(options_.carry);
     for (std::size_t c = 0; c < cells; ++c) {
       const bool contradicted = violations_[c] > support_[c];
-      std::uint8_t& age = out.age.data()[c];
-      const bool carried = age <= carry && support_[c] == 0;
+      float& age = out.age.data()[c];
+      const bool carried = static_cast<double>(age) <= options_.carry && support_[c] == 0;
       out.seed.data()[c] = contradicted || carried ? 1 : 0;
       if (contradicted) age = 0;
       out.barrier.data()[c] = out.verified.data()[c] = support_[c] > violations_[c] ? 1 : 0;
     }
   }
 
-  /// Keeps the frame last checked as evidence for later ones. Call it once per frame, in order.
+  /// Keeps the frame last checked as evidence for later ones. Call it once per frame, in order. Frames that
+  /// come much faster than the first of `lags` asks for are left out, which bounds the memory.
+  /// @param t      of the frame, later than those remembered [s]
   /// @param state  CellState of each cell
-  /// @param age    frames since direct evidence, for cells that are not static
-  void remember(const Image<float>& depth, const SE3<S>& T_c_w, const Image<std::uint8_t>& state,
-                const Image<std::uint8_t>& age) {
+  /// @param age    time since direct evidence, for cells that are kCellMoved [s]
+  void remember(const Image<float>& depth, double t, const SE3<S>& T_c_w, const Image<std::uint8_t>& state,
+                const Image<float>& age) {
+    last_ = {t, T_c_w};
+    if (!views_.empty() && t - views_.front().t < kDensest * options_.lags.front()) return;
     View view;
     if (!spare_.empty()) {
       view = std::move(spare_.back());
@@ -121,20 +123,19 @@ class FreeSpaceHistory {
     if (view.shifted) std::swap(view.anywhere, anywhere_);
     view.depth = depth;
     view.surface = surface_;
+    view.t = t;
     view.T_c_w = T_c_w;
     view.shutter = shutter_;
     view.state = state;
     view.age = age;
     views_.push_front(std::move(view));
-    if (views_.size() > lags_.back()) {
-      spare_.push_back(std::move(views_.back()));
-      views_.pop_back();
-    }
+    drop_unused();
   }
 
   /// Moves the remembered frames with a correction of the map: new T_c_w = old T_c_w D.
   void follow(const SE3<S>& D) {
     for (View& view : views_) view.T_c_w = view.T_c_w * D;
+    last_.T_c_w = last_.T_c_w * D;
   }
 
   void clear() {
@@ -160,24 +161,62 @@ class FreeSpaceHistory {
   struct View {
     DepthBounds<float> bounds, anywhere;  // anywhere: within `shift_`, where that is more
     bool shifted = false;
-    Image<std::uint8_t> state, age, surface;
-    Image<float> depth;
+    Image<std::uint8_t> state, surface;
+    Image<float> depth, age;
     GridShutter shutter;
+    double t = 0;
     SE3<S> T_c_w;
   };
 
-  [[nodiscard]] std::size_t frames(double seconds) const {
-    return static_cast<std::size_t>(std::max(1.0, std::round(seconds * options_.frame_rate)));
+  struct Moment {
+    double t = 0;
+    SE3<S> T_c_w;
+  };
+
+  /// Least time between remembered views, as a share of the first lag: four of them may lie within it.
+  static constexpr double kDensest = 0.25;
+
+  /// The view whose age is nearest to `lag`; views_.size(): there is none.
+  [[nodiscard]] std::size_t nearest_view(double lag) const {
+    const auto it = std::partition_point(views_.begin(), views_.end(),
+                                         [&](const View& view) { return now_ - view.t < lag; });
+    const auto i = static_cast<std::size_t>(it - views_.begin());
+    if (i == 0 || views_.empty()) return i;
+    if (i == views_.size()) return i - 1;
+    return lag - (now_ - views_[i - 1].t) < now_ - views_[i].t - lag ? i - 1 : i;
+  }
+
+  /// Ages for which a view stands: frames come when they come, so these reach half way to the nearer
+  /// neighbour.
+  struct Ages {
+    double least, most;
+  };
+  [[nodiscard]] Ages ages_of(std::size_t view) const {
+    const double t = views_[view].t, age = now_ - t;
+    double spacing = view == 0 ? age : views_[view - 1].t - t;
+    if (view + 1 < views_.size()) spacing = std::min(spacing, t - views_[view + 1].t);
+    return {age - 0.5 * spacing, age + 0.5 * spacing};
+  }
+
+  /// Drops views that will never be nearest to a lag again: the next newer one is as near to the longest.
+  void drop_unused() {
+    const double t = views_.front().t, longest = options_.lags.back();
+    while (views_.size() > 1) {
+      const double oldest = t - views_.back().t, next = t - views_[views_.size() - 2].t;
+      if (std::abs(next - longest) > std::abs(oldest - longest)) return;
+      spare_.push_back(std::move(views_.back()));
+      views_.pop_back();
+    }
   }
 
   /// How far the present depth image may lie beside its pose [cells]: as far as a point 1 m ahead moves in
   /// the time that is not known.
   [[nodiscard]] int shift(const DepthGrid& grid, const SE3<S>& T_c_w) const {
     if (views_.empty()) return 0;
-    const SE3<S> step = T_c_w * views_.front().T_c_w.inverse();
+    const SE3<S> step = T_c_w * last_.T_c_w.inverse();
     const S cells = (step.translation().norm() + step.so3().log().norm()) * S(grid.fx());
-    const S timing = shutter_.moves ? S(0.5) * S(options_.timing) : S(options_.timing);
-    return static_cast<int>(std::lround(std::min(S(options_.max_shift), timing * cells)));
+    const double unknown = (shutter_.moves ? 0.5 : 1.0) * options_.depth_time_uncertainty / (now_ - last_.t);
+    return static_cast<int>(std::lround(std::min(S(options_.max_shift), S(unknown) * cells)));
   }
 
   void find_bounds(const Image<float>& depth) {
@@ -196,22 +235,28 @@ class FreeSpaceHistory {
     }
   }
 
-  /// Adds what the view of age `lag` says to violations, support and ages.
-  void compare(const DepthGrid& grid, const Image<float>& depth, const SE3<S>& T_c_w, std::size_t lag,
-               Image<std::uint8_t>& ages) {
+  /// Adds what a view says to violations, support and ages.
+  void compare(const DepthGrid& grid, const Image<float>& depth, const SE3<S>& T_c_w, std::size_t index,
+               Image<float>& ages) {
     constexpr std::size_t kBlock = 64;  // cells whose places are found at once
     std::array<int, kBlock> cell;
     std::array<float, kBlock> z;
     const std::size_t cells = grid.cells();
-    const std::size_t old_lag = std::max<std::size_t>(2, std::min(frames(options_.old_lag), views_.size()));
-    const std::size_t rest_lag = frames(options_.rest_lag), follow_lag = frames(options_.follow_lag);
-    const View& view = views_[lag - 1];
+    const View& view = views_[index];
+    const Ages stands_for = ages_of(index);
+    const bool shows_motion = stands_for.least > options_.lags.front();
+    // A young sequence has nothing older than its first frame.
+    const double old_lag = std::min(options_.old_lag, now_ - views_.back().t);
+    const bool is_old = shows_motion && stands_for.most >= old_lag;
+    const bool shows_rest = is_old && stands_for.most >= options_.rest_lag;
+    const bool passes_mask_on = index == 0 || stands_for.least <= options_.follow_lag;
+    const auto view_time = static_cast<float>(now_ - view.t);
     const SE3<S> T_v_c = view.T_c_w * T_c_w.inverse();
     const float* nearest = view.bounds.nearest.data();
     const float* farthest = view.bounds.farthest.data();
     const std::uint8_t* state = view.state.data();
-    const std::uint8_t* view_age = view.age.data();
-    std::uint8_t* age = ages.data();
+    const float* view_age = view.age.data();
+    float* age = ages.data();
     for (std::size_t c = 0; c < cells; ++c) {
       const std::size_t b = c % kBlock;
       if (b == 0) {
@@ -226,16 +271,14 @@ class FreeSpaceHistory {
       switch (free_space_evidence(z[b], nearest[q], farthest[q], options_.margins)) {
         case DepthEvidence::violation:
           // What may have been in front at that moment is no free space; nor does it tell of rest.
-          if (surface_.data()[c] != 0 && lag > 1 && passes(view, q, z[b])) ++violations_[c];
+          if (surface_.data()[c] != 0 && shows_motion && passes(view, q, z[b])) ++violations_[c];
           break;
         case DepthEvidence::consistent:
           // What lies behind a mover's rim is not the mover, though the rim's cell had both depths.
-          if (state[q] == kCellMoved && lag <= follow_lag && z[b] <= nearest[q] + rim(z[b])) {
-            age[c] = static_cast<std::uint8_t>(
-                std::min<std::size_t>({age[c], view_age[q] + lag, FreeSpaceVerdicts::kNever - 1U}));
-          }
+          if (state[q] == kCellMoved && passes_mask_on && z[b] <= nearest[q] + rim(z[b]))
+            age[c] = std::min(age[c], view_age[q] + view_time);
           // A surface that was in this very place long ago is at rest, whatever it was taken for then.
-          if (lag >= (state[q] == kCellMoved ? rest_lag : old_lag)) ++support_[c];
+          if (state[q] == kCellMoved ? shows_rest : is_old) ++support_[c];
           break;
         case DepthEvidence::unknown:
           break;
@@ -243,12 +286,11 @@ class FreeSpaceHistory {
     }
   }
 
-  /// Surfaces of the view of age `lag` where the present one sees past them.
-  void find_gone(const DepthGrid& grid, const SE3<S>& T_c_w, std::size_t lag, Image<float>& gone) const {
+  /// Surfaces of a view where the present one sees past them.
+  void find_gone(const DepthGrid& grid, const SE3<S>& T_c_w, const View& view, Image<float>& gone) const {
     constexpr std::size_t kBlock = 64;
     std::array<int, kBlock> cell;
     std::array<float, kBlock> z;
-    const View& view = views_[lag - 1];
     if (view.surface.width() != gone.width()) return;
     const SE3<S> T_c_v = T_c_w * view.T_c_w.inverse();
     const auto find = shutter_.moves || view.shutter.moves ? &FreeSpaceHistory::find_cells<true>
@@ -334,10 +376,11 @@ class FreeSpaceHistory {
   }
 
   FreeSpaceOptions options_;
-  GridShutter shutter_;            // of the frame last checked
-  std::vector<std::size_t> lags_;  // frames, ascending
-  std::deque<View> views_;         // newest first
-  std::vector<View> spare_;        // memory of dropped views
+  GridShutter shutter_;      // of the frame last checked
+  double now_ = 0;           // and its time [s]
+  std::deque<View> views_;   // newest first
+  std::vector<View> spare_;  // memory of dropped views
+  Moment last_;              // frame last remembered, also where it was left out of the views
   std::vector<std::uint8_t> violations_, support_;
   int shift_ = 0;  // of the frame last checked
   Image<std::uint8_t> surface_;

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/dynamics/depth_grid.hpp"
@@ -12,19 +13,19 @@ namespace dynslam {
 
 /// What the cells of the present frame are, by earlier views.
 struct FreeSpaceVerdicts {
-  /// `age` of a cell that no evidence speaks against.
-  static constexpr std::uint8_t kNever = 255;
+  /// `age` of a cell that was never seen to move: older than anything.
+  static constexpr float kNever = std::numeric_limits<float>::infinity();
 
   Image<std::uint8_t> seed;      ///< 1: moved there, or was found moving shortly before
   Image<std::uint8_t> barrier;   ///< 1: was there already, so growing must not enter
   Image<std::uint8_t> verified;  ///< the same, and stays as it is: known to be static
-  Image<std::uint8_t> age;       ///< frames since direct evidence of motion; kNever: none
+  Image<float> age;              ///< time since direct evidence of motion [s]; kNever: none
   /// Depth of a surface that was there shortly before and is no more, for one sees past it; 0: none [m].
   Image<float> gone;
 
   void resize(int width, int height) {
-    for (auto* image : {&seed, &barrier, &verified, &age}) image->resize(width, height);
-    gone.resize(width, height);
+    for (auto* image : {&seed, &barrier, &verified}) image->resize(width, height);
+    for (auto* image : {&age, &gone}) image->resize(width, height);
   }
   /// Of this size, and nothing said of any cell.
   void clear(int width, int height) {
@@ -48,7 +49,7 @@ struct FreeSpaceVerdicts {
 
 /// Whether a cell is direct evidence of motion.
 [[nodiscard]] inline bool fresh_seed(const FreeSpaceVerdicts& verdicts, int u, int v) {
-  return verdicts.seed(u, v) != 0 && verdicts.age(u, v) == 0;
+  return verdicts.seed(u, v) != 0 && !(verdicts.age(u, v) > 0);
 }
 
 /// What a remembered cell was taken for.
@@ -62,18 +63,15 @@ enum CellState : std::uint8_t {
 /// @param mask   what was taken for dynamic in the end, of the grid's image; of another size: nothing
 /// @param moved  cells that were found by motion
 /// @param state  out
-/// @param age    in and out, as in FreeSpaceVerdicts; 0 where nothing is dynamic
 template <LabelImage Mask>
 void state_cells(const DepthGrid& grid, const Mask& mask, const Image<std::uint8_t>& moved,
-                 Image<std::uint8_t>& state, Image<std::uint8_t>& age) {
+                 Image<std::uint8_t>& state) {
   const bool usable = mask.width() == grid.image_width() && mask.height() == grid.image_height();
   state.resize(grid.width(), grid.height());
   for (std::size_t c = 0; c < grid.cells(); ++c) {
     const RecordedPixel pixel = usable ? grid.pixel_of(c) : RecordedPixel();
     const bool dynamic = pixel.u >= 0 && mask(pixel.u, pixel.v) != 0;
     state.data()[c] = !dynamic ? kCellStatic : moved.data()[c] != 0 ? kCellMoved : kCellSuspected;
-    // A mask that the geometry did not find (the semantic one) counts as fresh evidence.
-    if (!dynamic || age.data()[c] == FreeSpaceVerdicts::kNever) age.data()[c] = 0;
   }
 }
 

@@ -116,7 +116,7 @@ class KeypointBodies {
   /// far as it slides in its own plane the depth takes it for verified, which it is not.
   template <OutputLabelImage Mask>
   void complete(const Image<float>& depth, const KeypointSeedOptions& o, const MaskGrowingOptions& growing,
-                Mask&& mask, RegionGrowingWorkspace& ws, FreeSpaceVerdicts& verdicts) const {
+                Mask&& mask, RegionGrowingWorkspace& ws, FreeSpaceVerdicts& verdicts) {
     if (bodies_ == 0) return;
     const auto share = [&](std::span<const PixelRun> runs) {
       int body = 0, rest = 0;
@@ -128,12 +128,14 @@ class KeypointBodies {
       }
       return body >= o.body && body >= o.outvoting * rest ? o.body_share : 2.0;
     };
+    before_.resize(depth.width(), depth.height());
+    for_each_cell([&](int u, int v) { before_(u, v) = mask(u, v) != 0 ? 1 : 0; });
     if (complete_surfaces(depth, mask, growing.step, share, growing.max_fraction, ws) == 0) return;
-    for (int v = 0; v < depth.height(); ++v) {
-      for (int u = 0; u < depth.width(); ++u) {
-        if (mask(u, v) != 0) verdicts.verified(u, v) = 0;
-      }
-    }
+    for_each_cell([&](int u, int v) {
+      if (mask(u, v) == 0) return;
+      verdicts.verified(u, v) = 0;
+      if (before_(u, v) == 0) verdicts.age(u, v) = 0;  // its keypoints are evidence of now
+    });
   }
 
   /// Looks which keypoints are where they should be if they rest: what is judged by the scale of all
@@ -162,6 +164,13 @@ class KeypointBodies {
   }
 
  private:
+  template <class F>
+  void for_each_cell(const F& f) const {
+    for (int v = 0; v < before_.height(); ++v) {
+      for (int u = 0; u < before_.width(); ++u) f(u, v);
+    }
+  }
+
   std::vector<VerdictSite> sites_;
   std::vector<std::size_t> site_match_;  // of sites_
   std::vector<std::uint8_t> rest_;       // likewise
@@ -171,7 +180,8 @@ class KeypointBodies {
   Image<int> parts_;  // of the cells, by body
   TerritoryWorkspace territories_;
   enum Vote : std::uint8_t { kForBody = 1, kForRest = 2 };
-  Image<std::uint8_t> votes_;  // of keypoints, by cell
+  Image<std::uint8_t> votes_;   // of keypoints, by cell
+  Image<std::uint8_t> before_;  // cells on the mask that complete() got
 };
 
 /// Whether a surface is a mover by its keypoints: it stands before the rest of the view, hardly one of them

@@ -14,7 +14,10 @@ namespace dynslam {
 /// Whether a frame was segmented.
 enum class MotionStatus : std::uint8_t {
   ok,
-  size_mismatch  ///< an image of another size than the first one, or than its fellow: nothing was done
+  size_mismatch,  ///< an image of another size than the first one, or than its fellow: nothing was done
+  /// A time that is not later than that of the frame last remembered, or not a number: nothing was done.
+  /// Where the clock was set back, clear() begins anew.
+  time_not_later
 };
 
 /// A keypoint of the reference keyframe in the present frame, and the verdict on it.
@@ -42,6 +45,18 @@ struct Motion {
   int seeds = 0;           ///< cells that started the growing
   int regions_leaked = 0;  ///< dropped by the guard
   [[nodiscard]] bool ok() const { return status == MotionStatus::ok; }
+  /// Says of no pixel that it moves or rests.
+  const Motion& refuse(MotionStatus why) {
+    status = why;
+    mask.fill(0);
+    covering = mask;
+    verified.fill(0);
+    matches.clear();
+    tracked = mismatches = dynamic_matches = seeds = regions_leaked = 0;
+    epipolar_used = false;
+    scales = {};
+    return *this;
+  }
 };
 
 /// Parts of a frame's work, as they are reported to `segment`'s observer.

@@ -42,12 +42,14 @@ namespace dynslam {
 
 /// Finds what moves in RGB-D images without knowing what it is, inside any SLAM system (paper, steps 5 to 9):
 ///
-///     const auto& motion = segmenter.segment(gray, depth, T_c_w);   // with the pose as known so far
+///     const auto& motion = segmenter.segment(gray, depth, t, T_c_w);  // with the pose as known so far
 ///     ... drop features on motion.mask, optimise the pose ...
-///     segmenter.remember(T_c_w, motion.mask);                       // evidence for later frames
+///     segmenter.remember(T_c_w, motion.mask);                         // evidence for later frames
 ///
 /// Images are of any type that is ImageLike, of the camera's recorded pixels; depth is in metres (invalid =
-/// NaN or <= 0) and registered to the grey image. Memory is kept between frames. Not thread-safe.
+/// NaN or <= 0) and registered to the grey image. Times are in seconds, of any clock that only goes forward;
+/// frames may come at any rate, or at none: what is old is told by the times alone. Memory is kept between
+/// frames. Not thread-safe.
 template <std::floating_point S, DifferentiableCamera Camera>
   requires std::same_as<typename Camera::ScalarType, S>
 class MotionSegmenter {
@@ -66,31 +68,32 @@ class MotionSegmenter {
 
   /// The camera's motion from the next frame's grey image to its depth image, where they are not taken at
   /// once: in a fast turn, 20 ms make the whole room stand elsewhere. Nullopt: at once, or nobody knows.
-  /// @param delay  how much later, as a share of the time since the last frame: see Motion::covering
-  void set_depth_motion(const std::optional<SE3<S>>& T_depth_c, double delay = 0) {
+  /// @param seconds  by which the depth image is the later one; 0: none, or nobody knows. See
+  /// Motion::covering
+  void set_depth_delay(double seconds, const std::optional<SE3<S>>& T_depth_c) {
     T_depth_c_ = T_depth_c;
-    depth_delay_ = delay;
+    depth_delay_ = seconds;
   }
 
   /// How the camera moves while the next frame's rows are read, colour and depth; poses are the middle row's.
   void set_rolling_shutter(const RollingShutter<S>& shutter) { shutter_ = shutter; }
 
-  /// Finds what moves in a frame with the given initial pose. The first call fixes the size of the images.
+  /// Finds what moves in a frame with the given initial pose. The first call fixes the size of the images. A
+  /// frame may be segmented again, with a better pose, until it is remembered.
+  /// @param t         when the frame was taken, later than the frame last remembered [s]
   /// @param prior     a-priori mask of what may move, 0 x 0 without one: never enters scales or F
   /// @param on_stage  called with each MotionStage when it is done (to take times)
   /// @return valid until the next call
   template <ImageLike G, DepthImage D, LabelImage M = NoPrior, class OnStage = IgnoreStages>
-  const Motion<S>& segment(const G& gray, const D& depth, const SE3<S>& T_c_w, const M& prior = {},
+  const Motion<S>& segment(const G& gray, const D& depth, double t, const SE3<S>& T_c_w, const M& prior = {},
                            OnStage&& on_stage = {}) {
+    segmented_ = false;
+    if (!accept_size(gray, depth, prior)) return motion_.refuse(MotionStatus::size_mismatch);
+    if (!std::isfinite(t) || (last_ && !(t > last_->t))) return motion_.refuse(MotionStatus::time_not_later);
+    motion_.status = MotionStatus::ok;
     motion_.matches.clear();
     judged_.clear();
-    if (!accept_size(gray, depth, prior)) {
-      motion_.status = MotionStatus::size_mismatch;
-      motion_.mask.fill(0);
-      motion_.covering = motion_.mask;
-      return motion_;
-    }
-    motion_.status = MotionStatus::ok;
+    t_ = t;
     look_at(gray);
     reference_.track(rolling(), pyramid_, T_c_w, prior, options_.reference, matches_);
     on_stage(MotionStage::matching);
@@ -98,7 +101,7 @@ class MotionSegmenter {
     on_stage(MotionStage::residuals);
     grid_.reduce(depth, depth_, smooth_);
     if (options_.method == Method::full) {
-      history_.check(grid_, depth_, smooth_, depth_pose(T_c_w), verdicts_, shutter_);
+      history_.check(grid_, depth_, smooth_, t, depth_pose(T_c_w), verdicts_, shutter_);
     } else {
       verdicts_.clear(grid_.width(), grid_.height());
     }
@@ -110,6 +113,8 @@ class MotionSegmenter {
       heed_outlines(depth, T_c_w);
     }
     on_stage(MotionStage::free_space);
+    // A mask that would not be carried on any more does not tell what was a mover.
+    if (last_ && t - last_->t > options_.free_space.carry) state_.resize(0, 0);
     const MaskGrowingResult grown =
         grow_mask(depth_.view(), state_.view(), verdicts_.seed.view(), verdicts_.barrier.view(),
                   verdicts_.age.view(), cell_mask_.view(), options_.growing, growing_);
@@ -123,12 +128,13 @@ class MotionSegmenter {
     if (add)
       complete_unmeasured(pyramid_.image(0), depth, motion_.mask.view(), options_.unmeasured, unmeasured_);
     motion_.covering = motion_.mask;
-    if (add) {
-      const SE3<S> T_last_c = last_T_c_w_ * T_c_w.inverse();
-      cover_delay(last_pyramid_, pyramid_, motion_.mask, prior, depth_delay_, options_.delay,
+    if (add && last_) {
+      const SE3<S> T_last_c = last_->T_c_w * T_c_w.inverse();
+      cover_delay(last_pyramid_, pyramid_, motion_.mask, prior, depth_delay_ / (t - last_->t), options_.delay,
                   motion_.covering.view(), delay_,
                   [&](int u, int v) { return in_last_image(u, v, depth, T_last_c); });
     }
+    segmented_ = true;
     on_stage(MotionStage::growing);
     return motion_;
   }
@@ -181,27 +187,35 @@ class MotionSegmenter {
   [[nodiscard]] const Motion<S>& motion() const { return motion_; }
 
   /// Keeps the frame last segmented, with its final pose and mask, as evidence for later ones. Call it once
-  /// per segmented frame.
+  /// per segmented frame; after a frame that was refused, or a second time, it does nothing.
   /// @param mask  what was taken for dynamic in the depth image in the end, of its size; 0 x 0: nothing
   template <LabelImage M>
   void remember(const SE3<S>& T_c_w, const M& mask) {
-    if (grid_.cells() == 0) return;
+    if (!std::exchange(segmented_, false)) return;
     remembered_ = true;
-    last_T_c_w_ = T_c_w;
-    last_shutter_ = shutter_;
-    state_cells(grid_, mask, cell_mask_, state_, verdicts_.age);
-    if (options_.method == Method::full) history_.remember(depth_, depth_pose(T_c_w), state_, verdicts_.age);
-    ++reference_age_;
-    const double max_age = options_.own_reference.max_age * options_.free_space.frame_rate;  // frames
-    const bool wanted = reference_.empty() || reference_age_ >= max_age || reference_worn();
+    last_ = {t_, T_c_w, shutter_};
+    state_cells(grid_, mask, cell_mask_, state_);
+    if (options_.method == Method::full)
+      history_.remember(depth_, t_, depth_pose(T_c_w), state_, verdicts_.age);
+    const bool wanted =
+        reference_.empty() || t_ - reference_t_ >= options_.own_reference.max_age || reference_worn();
     if (options_.own_reference.use && wanted) take_reference(T_c_w);
+  }
+
+  /// Forgets all frames, as where the clock was set back or another sequence begins.
+  void clear() {
+    history_.clear();
+    reference_ = {};
+    last_.reset();
+    state_.resize(0, 0);
+    remembered_ = segmented_ = false;
   }
 
   /// Moves what is remembered with a correction of the map (after a loop or an adjustment):
   /// new T_c_w = old T_c_w D.
   void follow(const SE3<S>& D) {
     history_.follow(D);
-    last_T_c_w_ = last_T_c_w_ * D;
+    if (last_) last_->T_c_w = last_->T_c_w * D;
     reference_.place(reference_.T_c_w() * D);
   }
 
@@ -210,7 +224,6 @@ class MotionSegmenter {
   void set_reference(std::span<const ReferenceKeypoint<S>> keypoints, const SE3<S>& T_c_w) {
     options_.own_reference.use = false;
     reference_.set(rolling(), pyramid_, keypoints, T_c_w, options_.reference);
-    reference_age_ = 0;
   }
   [[nodiscard]] bool has_reference() const { return !reference_.empty(); }
   /// Whether too little of the reference keyframe was in view or found in the frame last segmented: a new one
@@ -230,6 +243,12 @@ class MotionSegmenter {
   [[nodiscard]] int surface(float u, float v) const { return at_pixel(outlines_.surface, u, v); }
 
  private:
+  struct LastFrame {
+    double t;
+    SE3<S> T_c_w;
+    RollingShutter<S> shutter;
+  };
+
   /// What an image of cells has at a pixel; 0 where it has nothing.
   template <class T>
   [[nodiscard]] T at_pixel(const Image<T>& cells, float u, float v) const {
@@ -288,7 +307,7 @@ class MotionSegmenter {
     if (!is_valid_depth(z)) return std::nullopt;
     const auto p = rolling().unproject(Vector2(S(u), S(v)), z);
     if (!p) return std::nullopt;
-    const auto x = RollingCamera<Camera>(camera_, last_shutter_).project(T_last_c * *p);
+    const auto x = RollingCamera<Camera>(camera_, last_->shutter).project(T_last_c * *p);
     if (!x) return std::nullopt;
     return x->template cast<double>();
   }
@@ -340,7 +359,7 @@ class MotionSegmenter {
     }
     reference_.set(rolling(), pyramid_, std::span<const ReferenceKeypoint<S>>(keypoints_), T_c_w,
                    options_.reference);
-    reference_age_ = 0;
+    reference_t_ = t_;
   }
 
   Camera camera_;
@@ -348,13 +367,14 @@ class MotionSegmenter {
   DepthGrid grid_;
   HalvingPyramid<std::uint8_t> pyramid_, last_pyramid_;  // of the frames last segmented and last remembered,
   bool remembered_ = false;                              // which may be the same
-  std::optional<SE3<S>> T_depth_c_;                      // and where and when its depth image was taken
-  double depth_delay_ = 0;
-  RollingShutter<S> shutter_;  // and how the camera moved meanwhile
-  SE3<S> last_T_c_w_;          // of the frame last remembered
-  RollingShutter<S> last_shutter_;
+  std::optional<SE3<S>> T_depth_c_;  // of the next frame: where and how much later depth is taken
+  double depth_delay_ = 0;           // [s]
+  RollingShutter<S> shutter_;        // and how the camera moves meanwhile
+  double t_ = 0;                     // of the frame last segmented [s]
+  bool segmented_ = false;           // and not yet remembered
+  std::optional<LastFrame> last_;    // remembered
   ReferenceKeyframe<S> reference_;
-  int reference_age_ = 0;  // frames
+  double reference_t_ = 0;  // when its frame was taken [s]
   std::vector<KeypointMatch<S>> matches_;
   LocateWorkspace<S> locating_;
   StaticWeightsWorkspace<S> weights_;

@@ -40,8 +40,8 @@ struct KeypointSeedOptions {
 
 /// When the segmenter takes a new reference keyframe by itself.
 struct OwnReferenceOptions {
-  bool use = true;       ///< false: the host gives them (set_reference)
-  double max_age = 0.7;  ///< [s] at free_space.frame_rate: views must differ, and still show the same things
+  bool use = true;               ///< false: the host gives them (set_reference)
+  double max_age = 0.7;          ///< views must differ, and still show the same things [s]
   int corners_per_keypoint = 4;  ///< that are looked at: many lie on edges of the depth and cannot serve
   CornerOptions corners;         ///< on the pyramid's level 1, where noise is halved
 };

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "dynslam/concepts/image.hpp"
@@ -44,6 +46,7 @@ struct MaskGrowingWorkspace {
   MaskWorkspace morphology;
   Image<std::uint8_t> zone;
   std::vector<PixelIndex> seeds;
+  std::vector<float> ages;  ///< of one surface's seeds
 };
 
 namespace detail {
@@ -73,16 +76,16 @@ void remove_small_groups(const D& depth, Seed&& seed, int least, const Step& ste
 }
 
 /// Makes what of the mask is no seed as old as the evidence on its surface: as its newest quarter, since one
-/// false seed must not keep a surface young. What is on no seed's surface is past every age but the one that
-/// says never.
+/// false seed must not keep a surface young. What is on no seed's surface has no evidence: its age is
+/// infinite.
 template <class D, class Seed, class Age, class Mask, class Step>
 void spread_ages(const D& depth, const Seed& seed, Age&& age, const Mask& mask, const Step& step,
                  MaskGrowingWorkspace& ws) {
-  constexpr std::uint8_t kOldest = 254;
+  using T = typename std::remove_reference_t<Age>::Pixel;
   for (int v = 0; v < depth.height(); ++v) {
     for (int u = 0; u < depth.width(); ++u) {
       ws.zone(u, v) = mask(u, v) == 0 ? 1 : 0;
-      if (mask(u, v) != 0 && seed(u, v) == 0) age(u, v) = kOldest;
+      if (mask(u, v) != 0 && seed(u, v) == 0) age(u, v) = std::numeric_limits<T>::infinity();
     }
   }
   const auto outside = ws.zone.view();
@@ -92,20 +95,17 @@ void spread_ages(const D& depth, const Seed& seed, Age&& age, const Mask& mask, 
     std::vector<PixelRun>& runs = ws.growing.runs;
     runs.clear();
     (void)field.template take_region<Connectivity::four>(s.u, s.v, runs);
-    std::array<int, 256> seeds{};  // by age
-    int n = 0;
+    ws.ages.clear();
     for (const PixelRun& run : runs) {
       for (int u = run.begin; u < run.end; ++u) {
-        if (seed(u, run.v) == 0) continue;
-        ++seeds[static_cast<std::uint8_t>(age(u, run.v))];
-        ++n;
+        if (seed(u, run.v) != 0) ws.ages.push_back(static_cast<float>(age(u, run.v)));
       }
     }
-    std::uint8_t newest = 0;
-    for (int younger = seeds[0]; 4 * younger < n && newest < kOldest; younger += seeds[newest]) ++newest;
+    const auto newest = ws.ages.begin() + static_cast<std::ptrdiff_t>((ws.ages.size() - 1) / 4);
+    std::nth_element(ws.ages.begin(), newest, ws.ages.end());
     for (const PixelRun& run : runs) {
       for (int u = run.begin; u < run.end; ++u) {
-        if (seed(u, run.v) == 0) age(u, run.v) = newest;
+        if (seed(u, run.v) == 0) age(u, run.v) = static_cast<T>(*newest);
       }
     }
   }
@@ -123,64 +123,68 @@ void spread_ages(const D& depth, const Seed& seed, Age&& age, const Mask& mask, 
 /// @param seed     in: nonzero where motion was seen; out: small groups cleared
 /// @param barrier  in: nonzero where growing must not enter; out: with what is out of reach
 /// Images are of any type, of the depth's size; those that are written are given as references or views.
-/// @param age      in: frames since direct evidence; out: pixels that only the growing reached are as old as
+/// @param age      in: time since direct evidence [s], 0 where it is of now, infinite without any (where
+/// there is
+///                 no seed it is not read); out: pixels that only the growing reached are as old as
 ///                 the newest quarter of the evidence on their surface, without which a mask would feed on
 ///                 itself: what is seen past a mover, and was taken for it once, must not stay young by its
 ///                 side
 /// @param mask     out: 255 in regions, else 0
-template <DepthImage D, LabelImage Last, OutputLabelImage Seed, OutputLabelImage Barrier,
-          OutputLabelImage Age, OutputLabelImage Mask>
-MaskGrowingResult grow_mask(const D& depth, const Last& last, Seed&& seed, Barrier&& barrier, Age&& age,
-                            Mask&& mask, const MaskGrowingOptions& options, MaskGrowingWorkspace& ws) {
-  const int w = depth.width(), h = depth.height();
-  DYNSLAM_ASSERT(
-      same_size(depth, seed) && same_size(depth, barrier) && same_size(depth, age) && same_size(depth, mask),
-      "all images have the size of the depth image");
-  MaskGrowingResult result;
-  using S = typename D::Pixel;
-  const RelativeStep<S> step{static_cast<S>(options.step.base), static_cast<S>(options.step.quad)};
-  detail::remove_small_groups(depth, seed, options.min_seeds, step, ws);
-  ws.seeds.clear();
-  for (int v = 0; v < h; ++v) {
-    for (int u = 0; u < w; ++u) {
-      if (seed(u, v) != 0) ws.seeds.push_back({u, v});
-      ws.zone(u, v) = seed(u, v) != 0 && age(u, v) == 0 ? 1 : 0;
-      mask(u, v) = 0;
-    }
-  }
-  result.seeds = static_cast<int>(ws.seeds.size());
-  if (ws.seeds.empty()) return result;
-  if (options.reach >= 0) {
-    dilate(ws.zone.view(), ws.zone.view(), options.reach, ws.morphology);
+template <DepthImage D, LabelImage Last, OutputLabelImage Seed, OutputLabelImage Barrier, OutputImage Age,
+          OutputLabelImage Mask>
+  requires std::floating_point<typename std::remove_reference_t<Age>::Pixel> MaskGrowingResult
+  grow_mask(const D& depth, const Last& last, Seed&& seed, Barrier&& barrier, Age&& age, Mask&& mask,
+            const MaskGrowingOptions& options, MaskGrowingWorkspace& ws) {
+    const int w = depth.width(), h = depth.height();
+    DYNSLAM_ASSERT(same_size(depth, seed) && same_size(depth, barrier) && same_size(depth, age) &&
+                       same_size(depth, mask),
+                   "all images have the size of the depth image");
+    MaskGrowingResult result;
+    using S = typename D::Pixel;
+    const RelativeStep<S> step{static_cast<S>(options.step.base), static_cast<S>(options.step.quad)};
+    detail::remove_small_groups(depth, seed, options.min_seeds, step, ws);
+    ws.seeds.clear();
     for (int v = 0; v < h; ++v) {
       for (int u = 0; u < w; ++u) {
-        if (ws.zone(u, v) == 0 && seed(u, v) == 0) barrier(u, v) = 1;
+        if (seed(u, v) != 0) ws.seeds.push_back({u, v});
+        ws.zone(u, v) = seed(u, v) != 0 && !(age(u, v) > 0) ? 1 : 0;
+        mask(u, v) = 0;
       }
     }
-  }
-  RegionGrowingOptions growing;
-  growing.max_region_fraction = options.max_fraction;
-  growing.max_total_fraction = std::max(growing.max_total_fraction, options.max_fraction);
-  growing.min_region_pixels = options.min_region;
-  const auto grown =
-      grow_regions(depth, barrier, std::span<const PixelIndex>(ws.seeds), step, growing, mask, ws.growing);
-  result.regions_leaked = grown.regions_leaked + grown.regions_excess;
-  const auto share = [&](std::span<const PixelRun> runs) {
-    if (!same_size(depth, last)) return options.whole;
-    std::size_t size = 0, was = 0;
-    for (const PixelRun& run : runs) {
-      size += static_cast<std::size_t>(run.end - run.begin);
-      for (int u = run.begin; u < run.end; ++u) was += last(u, run.v) != 0 ? 1 : 0;
+    result.seeds = static_cast<int>(ws.seeds.size());
+    if (ws.seeds.empty()) return result;
+    if (options.reach >= 0) {
+      dilate(ws.zone.view(), ws.zone.view(), options.reach, ws.morphology);
+      for (int v = 0; v < h; ++v) {
+        for (int u = 0; u < w; ++u) {
+          if (ws.zone(u, v) == 0 && seed(u, v) == 0) barrier(u, v) = 1;
+        }
+      }
     }
-    return static_cast<double>(was) < options.was * static_cast<double>(size) ? options.whole : options.still;
-  };
-  if (std::min(options.whole, options.still) <= 1)
-    complete_surfaces(depth, mask, step, share, options.max_fraction, ws.growing);
-  // What touches the outside at a corner is not counted as inside: it more often is what is seen past a
-  // mover.
-  fill_holes(mask, options.max_hole, Connectivity::eight, ws.morphology);
-  detail::spread_ages(depth, seed, age, mask, step, ws);
-  return result;
-}
+    RegionGrowingOptions growing;
+    growing.max_region_fraction = options.max_fraction;
+    growing.max_total_fraction = std::max(growing.max_total_fraction, options.max_fraction);
+    growing.min_region_pixels = options.min_region;
+    const auto grown =
+        grow_regions(depth, barrier, std::span<const PixelIndex>(ws.seeds), step, growing, mask, ws.growing);
+    result.regions_leaked = grown.regions_leaked + grown.regions_excess;
+    const auto share = [&](std::span<const PixelRun> runs) {
+      if (!same_size(depth, last)) return options.whole;
+      std::size_t size = 0, was = 0;
+      for (const PixelRun& run : runs) {
+        size += static_cast<std::size_t>(run.end - run.begin);
+        for (int u = run.begin; u < run.end; ++u) was += last(u, run.v) != 0 ? 1 : 0;
+      }
+      return static_cast<double>(was) < options.was * static_cast<double>(size) ? options.whole
+                                                                                : options.still;
+    };
+    if (std::min(options.whole, options.still) <= 1)
+      complete_surfaces(depth, mask, step, share, options.max_fraction, ws.growing);
+    // What touches the outside at a corner is not counted as inside: it more often is what is seen past a
+    // mover.
+    fill_holes(mask, options.max_hole, Connectivity::eight, ws.morphology);
+    detail::spread_ages(depth, seed, age, mask, step, ws);
+    return result;
+  }
 
 }  // namespace dynslam

@@ -3,9 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <istream>
 #include <set>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 #include "dynslam/runtime/config/options_file.hpp"
 #include "dynslam/runtime/error.hpp"
@@ -13,6 +16,16 @@
 
 namespace dynslam::runtime {
 namespace {
+
+/// Fields of earlier versions, and why they are no more: files of earlier runs name every field.
+struct RemovedField {
+  std::string_view name, reason;
+};
+constexpr std::array kRemoved{
+    RemovedField{"tracker.geometry.free_space.frame_rate", "the frames' time stamps tell how old they are"},
+    RemovedField{"tracker.geometry.free_space.timing",
+                 "depth_time_uncertainty [s] took its place; at 30 Hz it is a thirtieth of the share"},
+};
 
 /// ", did you mean NAME?", or nothing.
 std::string hint(const std::string& name) {
@@ -66,6 +79,7 @@ class ConfigReader {
     if (!others_.take) fail(fmt::format("'{}' stands in no table", key));
     if (const std::string reason = others_.take(table_, key, value, number); !reason.empty()) fail(reason);
   }
+  [[nodiscard]] std::vector<std::string> take_notes() { return std::move(notes_); }
 
  private:
   [[noreturn]] void fail(const std::string& reason) const { throw InputError(file_, number_, reason); }
@@ -96,6 +110,13 @@ class ConfigReader {
     const auto field = std::find_if(fields_.begin(), fields_.end(),
                                     [&](const ConfigField& one) { return one.name() == name; });
     if (field == fields_.end()) {
+      const auto removed = std::find_if(kRemoved.begin(), kRemoved.end(),
+                                        [&](const RemovedField& one) { return one.name == name; });
+      if (removed != kRemoved.end()) {
+        notes_.push_back(
+            fmt::format("{}:{}: {} has no effect any more: {}", file_, number_, name, removed->reason));
+        return;
+      }
       const auto dot = name.rfind('.');
       const std::string table = name.substr(0, dot), key = name.substr(dot + 1);
       fail(fmt::format("unknown key '{}' in [{}]{}", key, table, hint(nearest_key(fields_, table, key))));
@@ -112,6 +133,7 @@ class ConfigReader {
   std::string table_;
   bool in_table_ = false;  // of fields
   std::set<std::string> given_;
+  std::vector<std::string> notes_;
   std::size_t number_ = 0;
 };
 
@@ -153,12 +175,13 @@ std::string config_file(const RunOptions& options) {
   return config_file(config_fields(copy, dynamics));
 }
 
-void read_config(std::istream& in, const std::string& file, ConfigFields& fields,
-                 const ConfigSections& others) {
+std::vector<std::string> read_config(std::istream& in, const std::string& file, ConfigFields& fields,
+                                     const ConfigSections& others) {
   ConfigReader reader(file, fields, others);
   LineReader lines(in);
   while (lines.next()) reader.line(trim(lines.line()), lines.number());
   if (in.bad()) throw InputError(file, 0, "cannot be read");
+  return reader.take_notes();
 }
 
 }  // namespace dynslam::runtime

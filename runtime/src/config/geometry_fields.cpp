@@ -102,20 +102,18 @@ void list(FieldList& f, FreeSpaceMargins<float>& o) {
 }
 
 void list(FieldList& f, FreeSpaceOptions& o) {
-  f("frame_rate", o.frame_rate, "1/s", "rate of the frames that are remembered", between(0.1, 1000));
   f("lags", std::span<double>(o.lags), "s",
     "ages of the views that the present one is compared with, ascending", between(1e-4, 10));
   f("old_lag", o.old_lag, "s", "time after which a mover has left its own volume", between(1e-4, 60));
   f("rest_lag", o.rest_lag, "s", "time after which what has stayed is at rest, even if it moved before",
     between(1e-4, 60));
-  f("follow_lag", o.follow_lag, "s", "age up to which views hand their masks on", between(0, 60));
+  f("follow_lag", o.follow_lag, "s", "age up to which views, besides the last one, pass their masks on",
+    between(0, 60));
   f("carry", o.carry, "s", "time that a mask survives without new evidence", between(0, 60));
   f("near", o.near, "m", "distance from an earlier camera within which nothing is judged", kNotNegative);
   f("max_depth", o.max_depth, "m", "depth beyond which nothing is judged", kPositive);
-  f("timing", o.timing, "",
-    "share of the motion between two frames by which a depth image may lie beside "
-    "its pose",
-    between(0, 10));
+  f("depth_time_uncertainty", o.depth_time_uncertainty, "s",
+    "difference that there may be between the time of a depth image and that of its pose", between(0, 1));
   f("max_shift", o.max_shift, "cells", "greatest shift of a depth image beside its pose", between(0, 100));
   f.table("margins", o.margins);
 }

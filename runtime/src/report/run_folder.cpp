@@ -60,7 +60,7 @@ void read_options(RunFolder& run, const fs::path& file) {
   std::optional<DynamicsMode> dynamics;
   ConfigFields fields = config_fields(run.options, dynamics);
   std::istringstream in(run.config);
-  read_config(in, file.string(), fields);
+  (void)read_config(in, file.string(), fields);  // a run of an earlier version has what is no more
   if (!dynamics) throw InputError(file.string(), 0, "does not say which masks the run used (dynamics)");
   run.options.dynamics = *dynamics;
   run.options.sequence = run.evidence ? run.evidence->sequence

@@ -159,7 +159,8 @@ void Tracker::start_map(Present& now) {
   if (now.covers_view) disbelieve_prior(now, MaskVerdict::covers_view);
   if (!enough() && !(disbelieve_prior(now, MaskVerdict::starved) && enough())) return;
   if (uses_geometry(options_.dynamics))  // for its images: nothing is there yet to compare them with
-    geometry_.segment(interop::view<const std::uint8_t>(now.input.gray), now.depth, SE3<double>());
+    geometry_.segment(interop::view<const std::uint8_t>(now.input.gray), now.depth, now.input.t,
+                      SE3<double>());
   keep(now);
   initialised_ = true;
   first_ = now.frame.index;

@@ -139,12 +139,12 @@ void Tracker::find_movers(Present& now) {
   TrackResult& result = now.result;
   if (geometry_.has_reference()) geometry_.place_reference(T_reference_keyframe_ * map_.pose(reference_id_));
   const SE3<double> T_c_last = now.T_c_w * last_.T_c_w.inverse();
-  geometry_.set_depth_motion(depth_motion(now.input, T_c_last), depth_delay(now.input));
+  geometry_.set_depth_delay(depth_delay(now.input), depth_motion(now.input, T_c_last));
   geometry_.set_rolling_shutter(matcher_.placer().rolling_shutter());
   constexpr std::array kStages{Stage::lucas_kanade, Stage::residuals, Stage::free_space, Stage::growing};
   Stopwatch watch;
   const auto& motion = geometry_.segment(
-      interop::view<const std::uint8_t>(now.input.gray), now.depth, now.T_c_w,
+      interop::view<const std::uint8_t>(now.input.gray), now.depth, now.input.t, now.T_c_w,
       interop::view<const std::uint8_t>(std::as_const(now.semantic)),
       [&](MotionStage s) { result.times[kStages[static_cast<std::size_t>(s)]] = watch.lap_ms(); });
   const auto wrapped = [&](const Image<std::uint8_t>& mask) {  // OpenCV has no read-only matrices

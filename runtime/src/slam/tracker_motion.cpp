@@ -22,15 +22,14 @@ std::optional<double> Tracker::interval(const RgbdFrame& input) const {
 }
 
 double Tracker::depth_delay(const RgbdFrame& input) const {
-  const auto since_last = interval(input);
-  if (!since_last || std::abs(input.depth_delay) >= options_.search.longest_delay) return 0;
-  return input.depth_delay / *since_last;
+  return interval(input) && std::abs(input.depth_delay) < options_.search.longest_delay ? input.depth_delay
+                                                                                        : 0;
 }
 
 std::optional<SE3<double>> Tracker::depth_motion(const RgbdFrame& input, const SE3<double>& T_c_last) const {
   const double delay = depth_delay(input);
   if (delay == 0) return std::nullopt;
-  return SE3<double>::exp(T_c_last.log() * delay);
+  return SE3<double>::exp(T_c_last.log() * (delay / *interval(input)));
 }
 
 RollingShutter<double> Tracker::shutter(const RgbdFrame& input, const SE3<double>& T_c_last) const {

@@ -86,8 +86,10 @@ struct ConfigSections {
 /// @param file  its name, for errors
 /// @throws InputError (file, line): unknown table or key with the nearest name, a field given twice, a wrong
 ///         value with what was expected; fields before that line are set
-void read_config(std::istream& in, const std::string& file, ConfigFields& fields,
-                 const ConfigSections& others = {});
+/// @return a line (file, line, what took its place) for each field that an earlier version had: it has no
+///         effect
+std::vector<std::string> read_config(std::istream& in, const std::string& file, ConfigFields& fields,
+                                     const ConfigSections& others = {});
 
 /// The candidate that somebody who typed `word` most likely meant; empty where none is near.
 [[nodiscard]] std::string nearest_name(const std::string& word, const std::vector<std::string>& candidates);

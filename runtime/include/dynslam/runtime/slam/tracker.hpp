@@ -143,7 +143,8 @@ class Tracker {
 
   /// Time since the last frame, where the motion since then tells of the motion during this one [s].
   [[nodiscard]] std::optional<double> interval(const RgbdFrame& input) const;
-  /// How much later than colour depth was taken, as a share of that; 0: at once, or nobody knows.
+  /// How much later than colour depth was taken [s]; 0: at once, or nobody knows, or the motion meanwhile is
+  /// not known.
   [[nodiscard]] double depth_delay(const RgbdFrame& input) const;
   /// Where the camera was when the depth image was taken, by its motion since the last frame.
   [[nodiscard]] std::optional<SE3<double>> depth_motion(const RgbdFrame& input,
