@@ -151,6 +151,11 @@ void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_
       ->required();
   app.add_option("--out,-o", o.out, fmt::format("Folder for the results (default: {})", default_out));
   add_camera_option(app, o.camera);
+  app.add_option(
+         "--readout-time", o.readout_time,
+         "Time in which the camera reads its rows [s], -0.2 to 0.2, in place of the camera's; 0: all at "
+         "once")
+      ->check(number_in(-0.2, 0.2));
   add_format_options(app, o.format, o.topics, o.rate);
   app.add_option(
       "--masks", o.masks,

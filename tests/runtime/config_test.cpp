@@ -63,7 +63,7 @@ struct OtherValue {
     for (double& one : v) one = number(one);
   }
   void operator()(cv::Size* v) const { *v = {number(v->width), number(v->height)}; }
-  void operator()(std::optional<double>* v) const { *v = 0.1 + 0.2; }
+  void operator()(std::optional<double>* v) const { *v = 0.1 + 0.02; }  // in every range, with many digits
   void operator()(std::optional<Additions>* v) const {
     v->emplace().motion_prior = true;
     (*v)->proven_points = true;

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <optional>
 #include <string>
 
 #include "dynslam/runtime/evaluation/evaluate.hpp"
@@ -16,13 +17,14 @@ using namespace dynslam::runtime;
 
 namespace {
 
-/// ATE of a run with the camera of `file` [m].
+/// ATE of a run with the camera of `file` [m]. @param readout  in place of its own
 double error_with(const std::filesystem::path& sequence, const std::filesystem::path& file,
-                  const std::filesystem::path& out) {
+                  const std::filesystem::path& out, std::optional<double> readout = {}) {
   RunOptions options;
   options.sequence = sequence;
   options.out = out;
   options.camera = file.string();
+  options.readout_time = readout;
   options.dynamics = DynamicsMode::geometric;
   options.map = false;
   CHECK(run_sequence(options, test::kNeverStop).tracked == 40);
@@ -55,6 +57,13 @@ TEST_CASE("rows that are read one after the other are brought to one time: the e
   CAPTURE(with);
   CAPTURE(without);
   CHECK(with < without / 2);
+  // An option says the same as a camera's file, to the last bit.
+  (void)error_with(rolling, camera, folder.path / "none", 0.0);
+  CHECK(test::bytes(folder.path / "none" / "trajectory.txt") ==
+        test::bytes(folder.path / "without" / "trajectory.txt"));
+  (void)error_with(rolling, folder.path / "global.txt", folder.path / "given", 0.024);
+  CHECK(test::bytes(folder.path / "given" / "trajectory.txt") ==
+        test::bytes(folder.path / "with" / "trajectory.txt"));
   CHECK(without > 0.004);
 
   // What the camera's file does not say, the images do.

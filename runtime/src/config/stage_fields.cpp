@@ -162,6 +162,9 @@ void list(FieldList& f, RunOptions& o) {
   f.section("general");
   f("seed", o.seed, "", "seed of every random choice");
   f("camera", o.camera, "", "fr1, fr2, fr3, bonn or a camera file; empty: from the sequence");
+  f("readout_time", o.readout_time, "s",
+    "time in which the camera reads its rows, 0: all at once; \"auto\": as the camera has it",
+    between(-0.2, 0.2));
   f("format", o.format, "",
     "format of the sequence, see docs/your-own-data.md; empty: by looking at the folder");
   f("topics", o.topics, "", "topics of a bag, COLOUR,DEPTH; empty: by looking at it");

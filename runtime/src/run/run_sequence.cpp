@@ -44,6 +44,12 @@ fs::path separate_file(const fs::path& out, int map) {
   return out / fmt::format("trajectory_map{}.txt", map);
 }
 
+CameraConfig camera_of_run(const Sequence& sequence, const RunOptions& options) {
+  CameraConfig camera = camera_of(sequence, options.camera);
+  if (options.readout_time) camera.readout_time = *options.readout_time;
+  return camera;
+}
+
 /// A run: its parts, and what it has so far.
 class Run {
  public:
@@ -114,7 +120,7 @@ Run::Run(const RunOptions& options, const RunWatch& watch)
     : options_(options),
       watch_(watch),
       sequence_(load_sequence(options.sequence, sequence_options(options))),
-      camera_(camera_of(sequence_, options.camera)),
+      camera_(camera_of_run(sequence_, options)),
       pace_(options.live_speed) {
   if (uses_semantic(options.dynamics) && !uses_network(options)) masks_.emplace(options.masks, MaskOptions{});
   summary_.interrupted = true;  // until the run has ended

@@ -19,6 +19,7 @@ nlohmann::json configuration(const RunOptions& options, const CameraConfig& came
           {"topics", options.topics},
           {"rate", options.rate},
           {"camera", camera.name},
+          {"readout_time", camera.readout_time},
           {"dynamics", std::string(to_string(options.dynamics))},
           {"method", std::string(to_string(t.method))},
           {"masks", options.masks.string()},

@@ -24,6 +24,7 @@ namespace dynslam::runtime {
 struct RunOptions {
   std::filesystem::path sequence, out;
   std::string camera;                  ///< fr1, fr2, fr3, bonn or a file; empty: from the sequence
+  std::optional<double> readout_time;  ///< in place of the camera's [s], 0: all rows at once; empty: its own
   std::string format;  ///< of the sequence, see sequence_formats(); empty: by looking at the folder
   std::string topics;  ///< of a bag, "COLOUR,DEPTH"; empty: by looking at it
   double rate = 30;    ///< frames per second, of formats without time stamps
