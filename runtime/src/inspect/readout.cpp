@@ -63,7 +63,7 @@ double interval_of(const Sequence& sequence) {
 /// Why a run says nothing, whatever the others do; empty where it says something.
 std::string what_is_missing(const ReadoutTrial& now, std::size_t frames) {
   if (2 * now.tracked < frames) return fmt::format("only {} of {} frames are tracked", now.tracked, frames);
-  if (!(now.sigma < kTooVague)) return "the camera moves too little";
+  if (now.measured > 0 && !(now.sigma < kTooVague)) return "the camera moves too little";
   constexpr std::size_t kFewest = 12;  // two per segment of the shortest interval
   if (now.measured < kFewest)
     return fmt::format("only {} frames follow close enough on another to tell of their rows", now.measured);
@@ -77,7 +77,8 @@ ReadoutReport measure_readout(const Sequence& sequence, const CameraConfig& came
   ReadoutReport report;
   report.frames = sequence.frames.size();
   const double interval = interval_of(sequence);
-  const double farthest = TrackerOptions().search.longest_motion();
+  constexpr double kRounded = 0.99;  // stamps are: at 5 Hz half of the frames would be measured by chance
+  const double farthest = kRounded * TrackerOptions().search.longest_motion();
   if (!(interval < farthest)) {
     report.why_not = fmt::format(
         "frames are {:.2f} s apart, too far to tell how the camera moves while it reads its rows: record at "
