@@ -78,18 +78,15 @@ constexpr Additions Additions::all() {
   return result;
 }
 
-namespace detail {
-/// Whether no field stands twice in kAdditions.
-[[nodiscard]] constexpr bool additions_differ() {
-  Additions seen;
-  for (const Addition& one : kAdditions) {
-    if (seen.*one.on) return false;
-    seen.*one.on = true;
-  }
-  return true;
-}
-}  // namespace detail
-static_assert(sizeof(Additions) == kAdditions.size() * sizeof(bool) && detail::additions_differ(),
+static_assert(sizeof(Additions) == kAdditions.size() * sizeof(bool) &&
+                  [] {
+                    Additions seen;
+                    for (const Addition& one : kAdditions) {
+                      if (seen.*one.on) return false;
+                      seen.*one.on = true;
+                    }
+                    return true;
+                  }(),
               "every field of Additions stands once in kAdditions");
 
 /// What a run of a method and mode takes: nothing with the paper's, and with `none`, which is the baseline.
