@@ -82,7 +82,7 @@ TEST_CASE_TEMPLATE("an observation with NaN or infinity in it does not spoil tho
     o.x = {S(300), S(200)};
     o.inv_sigma_px2 = S(12);
     const Eigen::Matrix<S, 6, 1> speed = Eigen::Matrix<S, 6, 1>::Constant(S(0.5));
-    m.begin_image(SE3<S>(), speed);
+    m.begin_image(10.0, SE3<S>(), speed);
     auto at_nowhere = o;
     at_nowhere.x.x() = bad;
     m.observe(camera, at_nowhere, S(1), S(0.2));
