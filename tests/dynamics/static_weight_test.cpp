@@ -99,7 +99,6 @@ TEST_CASE_TEMPLATE("a weight depends on errors in standard deviations, whatever 
     e.photometric = S(3) * size;
     e.reprojection = S(2) * size;
     e.depth = size;
-    e.has_photometric = e.has_depth = true;
     const StaticWeightScales<S> scales{size, size, size};
     CHECK(static_weight(e, scales, S(5)) == doctest::Approx(8.0 / 19.0));
   }

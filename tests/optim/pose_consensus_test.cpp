@@ -278,7 +278,7 @@ TEST_CASE_TEMPLATE("observations that are not finite spoil no pose: consensus, f
       PoseWorkspace<S> workspace;
       const auto optimised =
           optimize_pose(kRoomCamera.cast<S>(), std::span<const PoseObservation<S>>(observations), SE3<S>(),
-                        options, TDistribution<S>(S(5)), workspace);
+                        options, TDistribution<S>::with_dimension(S(5), 1), workspace);
       REQUIRE(optimised.ok());
       CHECK(error(optimised.T_c_w) < 0.004);
       for (std::size_t k = 0; k < observations.size(); ++k) CHECK(std::isfinite(workspace.weight[k]));

@@ -167,7 +167,7 @@ template <std::floating_point S>
   const std::size_t least = detail::least_matches(8, options);
   const auto finite = [&](std::size_t i) { return x[i].allFinite() && x_m[i].allFinite(); };
   std::size_t usable = 0;
-  for (std::size_t i = 0; i < n; ++i) usable += finite(i) ? 1 : 0;
+  for (std::size_t i = 0; i < n; ++i) usable += finite(i) ? 1U : 0U;
   if (usable < least) return result;
   result.status = FundamentalStatus::no_consensus;
   detail::NormalisedMatches matches;
