@@ -23,7 +23,6 @@
 using namespace dynslam;
 using namespace dynslam::runtime;
 namespace fs = std::filesystem;
-using nlohmann::json;
 using test::bytes;
 
 namespace {
@@ -72,14 +71,14 @@ const ReportedRuns& reported() {
 }
 
 /// What the page holds.
-json payload_of(const fs::path& report) {
+nlohmann::json payload_of(const fs::path& report) {
   const std::string text = bytes(report);
   REQUIRE(text.starts_with(kBefore));
   REQUIRE(text.ends_with(kAfter));
-  return json::parse(text.substr(kBefore.size(), text.size() - kBefore.size() - kAfter.size()));
+  return nlohmann::json::parse(text.substr(kBefore.size(), text.size() - kBefore.size() - kAfter.size()));
 }
 
-cv::Mat mask_of(const json& runs, const json& size) {
+cv::Mat mask_of(const nlohmann::json& runs, const nlohmann::json& size) {
   const auto packed = from_base64(runs.get<std::string>());
   REQUIRE(packed);
   const auto values = decode_runs(*packed, {size[0].get<int>(), size[1].get<int>()});
@@ -104,11 +103,11 @@ TEST_CASE("a report has the errors, frames, masks, keypoints, graph and map of i
   const ReportResult result = write_report(r.options({"none", "both"}));
   CHECK(result.missing.empty());
   CHECK(result.bytes == fs::file_size(result.file));
-  const json j = payload_of(result.file);
+  const nlohmann::json j = payload_of(result.file);
   REQUIRE(j["runs"].size() == 2);
   CHECK(j["sequence"]["name"] == r.sequence.filename().string());
   CHECK(j["runs"][0]["mode"] == "none");
-  const json& both = j["runs"][1];
+  const nlohmann::json& both = j["runs"][1];
   CHECK(both["table"] == to_json(evaluate_trajectory(r.folder.path / "both", r.sequence, {})));
   CHECK(both["trajectory"]["t"].size() == 40);
   CHECK(both["trajectory"]["p"].size() == 120);
@@ -123,7 +122,7 @@ TEST_CASE("a report has the errors, frames, masks, keypoints, graph and map of i
         11 * both["map"]["count"].get<std::size_t>());
   CHECK(both["map"]["classes"].size() >= 2);
 
-  const json& frames = j["frames"];
+  const nlohmann::json& frames = j["frames"];
   REQUIRE(frames["stamp"].size() == 40);
   const std::size_t k = 25;
   const auto stamp = frames["stamp"][k].get<std::string>();
@@ -173,7 +172,7 @@ TEST_CASE("a run without --report writes the same, and its report shows what the
   CHECK(written.missing[0] == (r.folder.path / "plain").string() +
                                   " was run without --report, the page lacks the edges of its graph and the "
                                   "keypoints of its frames: run it again with --report");
-  const json j = payload_of(written.file);
+  const nlohmann::json j = payload_of(written.file);
   CHECK(j["runs"][0]["shown"]["from"] == "masks");
   CHECK_FALSE(j["runs"][0]["shown"]["masks"][25].is_null());
   CHECK(j["runs"][0]["graph"]["complete"] == false);
@@ -191,7 +190,7 @@ TEST_CASE("a report keeps its size by leaving out frames, and says so") {
   const std::size_t full = write_report(o).bytes;
   const std::size_t pictures = [&] {
     std::size_t sum = 0;
-    const json j = payload_of(o.out);
+    const nlohmann::json j = payload_of(o.out);
     for (const char* kind : {"colour", "depth", "truth"}) sum += j["frames"][kind].dump().size();
     for (const char* kind : {"masks", "keypoints"}) sum += j["runs"][0]["shown"][kind].dump().size();
     return sum;
@@ -199,10 +198,10 @@ TEST_CASE("a report keeps its size by leaving out frames, and says so") {
   o.max_bytes = full - pictures / 8 * 7;
   const ReportResult small = write_report(o);
   CHECK(small.bytes <= o.max_bytes);
-  const json j = payload_of(o.out);
+  const nlohmann::json j = payload_of(o.out);
   CHECK(j["frames"]["stride"].get<int>() > 1);
   CHECK(j["frames"]["stamp"].size() < 40);
-  CHECK(j["thinned"] == json(small.thinned));
+  CHECK(j["thinned"] == nlohmann::json(small.thinned));
   CHECK(j["thinned"].dump().find("one of " + std::to_string(j["frames"]["stride"].get<int>()) +
                                  " frames, of 40") != std::string::npos);
   o.max_bytes = 1000;
