@@ -135,12 +135,12 @@ class RecordedDepth {
 
 }  // namespace
 
+// Of fr3 alone, whose preset was chosen otherwise (docs/method.md), 32 ms are measured.
 TEST_CASE("the presets' depth_time_offset is the one at which depth images agree with one another") {
   struct Case {
     std::string sequence, camera;
   };
   for (const Case& c : {Case{"rgbd_dataset_freiburg1_rpy_500_649", "fr1"},
-                        Case{"rgbd_dataset_freiburg3_walking_halfsphere_first50", "fr3"},
                         Case{"rgbd_bonn_crowd_380_479", "bonn"}}) {
     CAPTURE(c.sequence);
     const auto folder = test::recorded_sequence(c.sequence);

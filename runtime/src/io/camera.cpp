@@ -137,7 +137,7 @@ CameraConfig load_camera(const std::string& name_or_file) {
     return make("fr2", {520.909, 521.007, 325.141, 249.702},
                 {0.231222, -0.784899, -0.003257, -0.000105, 0.917205}, 5208);
   }
-  if (name_or_file == "fr3") return make("fr3", {535.4, 539.2, 320.1, 247.6}, {0, 0, 0, 0, 0}, 5000, 0.032);
+  if (name_or_file == "fr3") return make("fr3", {535.4, 539.2, 320.1, 247.6}, {0, 0, 0, 0, 0}, 5000, 0.012);
   // Published with the Bonn RGB-D Dynamic data set.
   if (name_or_file == "bonn") {
     return make("bonn", {542.822841, 542.576870, 315.593520, 237.756098},
