@@ -33,7 +33,7 @@ int main() {
   const auto w = dynslam::static_weights(camera, matches, before, after, depth, T_cur_ref);
   std::size_t right = 0;
   for (std::size_t k = 0; w.ok() && k < matches.size(); ++k)
-    right += (w.dynamic[k] || w.mismatch[k]) == (matches[k].x.x() < 100) ? 1 : 0;
+    right += (w.dynamic[k] || w.mismatch[k]) == (matches[k].x.x() < 100) ? 1U : 0U;
   std::printf("%zu of %zu right, %d dynamic\n", right, matches.size(), w.dynamic_matches);
   return right > matches.size() * 9 / 10 ? 0 : 1;
 }
