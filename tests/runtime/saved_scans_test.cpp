@@ -87,10 +87,10 @@ TEST_CASE("scans that were saved with depth in fifths of a millimetre make the s
   mapper.save_scans(now, kSavedMap);
   write_as_version_2(now, then);
   copy_scans(then, kSavedMap, copied, kSavedMap + 1);
-  for (const auto& [file, id] : {std::pair(now, kSavedMap), {then, kSavedMap}, {copied, kSavedMap + 1}}) {
-    CAPTURE(file.string());
+  for (const auto& saved : {std::pair(now, kSavedMap), {then, kSavedMap}, {copied, kSavedMap + 1}}) {
+    CAPTURE(saved.first.string());
     SemanticMapper loaded = scans_mapper();
-    CHECK(loaded.load_scans(file, {id, 2}).size() == 2);
+    CHECK(loaded.load_scans(saved.first, {saved.second, 2}).size() == 2);
     CHECK(tree_bytes(loaded) == expected);
   }
   CHECK(test::bytes(copied).size() == test::bytes(now).size());
