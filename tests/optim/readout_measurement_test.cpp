@@ -219,7 +219,8 @@ TEST_CASE_TEMPLATE("the interval of a readout covers the truth in 95 of 100 reco
                        widths.end());
       const double width = widths[widths.size() / 2];
       CAPTURE(width);
-      CHECK(covered >= 0.9 * trials);
+      // 95 % of them, less four standard deviations of such a count: compilers draw other recordings.
+      CHECK(covered >= 0.95 * trials - 4 * std::sqrt(0.95 * 0.05 * trials));
       CHECK(static_cast<double>(widths.size()) >= 0.9 * trials);
       CHECK(width < 0.001);
     }

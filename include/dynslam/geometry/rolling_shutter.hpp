@@ -84,7 +84,7 @@ class RollingShutter {
   /// jerks: three to five projections. Otherwise the rows of the image are searched for a change of sign; the
   /// first that sees the point is taken. A pixel outside the image is the one that more rows would have.
   /// @param p_middle  in the camera's frame when it read the middle row [m]
-  /// @return  good to 1e-3 px, in floats to 4e-6 of the height; nullopt where no row sees the point. Two rows
+  /// @return  good to 2e-3 px, in floats to 4e-6 of the height; nullopt where no row sees the point. Two rows
   ///          closer than 1/64 of the height that both see it may be overlooked
   template <CameraOf<S> C>
   [[nodiscard]] std::optional<Vector2> project(const C& camera, const Vector3& p_middle) const {
