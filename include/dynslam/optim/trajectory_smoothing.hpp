@@ -31,7 +31,7 @@ struct SmoothingOptions {
   double max_ratio = 100;
   /// Farthest that a pose is moved, in its own standard deviations: recorded outliers lie at 3 to 8, what
   /// lies farther is taken for a motion.
-  double max_move = 8;
+  double max_move = 16;
   /// By how much a squared error of prediction has to differ before it is taken for more than chance: of 15
   /// poses with 3 components it varies by a fifth.
   double margin = 1.8;
