@@ -270,14 +270,12 @@ def guests():
     chosen += [sq.rendered("walking xyz 2", "--path", "xyz", "--scenario", "walking", "--seed", 2, "--frames", 90)]
     rows = []
     for sequence in chosen:
-        inside = [float(x) for x in re.findall(r"([0-9.]+) m", call([example, sequence.path]))]
-        runs = sq.sweep(sequence, ["geometric", "both"], [1, 2, 3], group="runs")
-        folders = [runs["", "geometric", 1] / "masks", runs["", "both", 1] / "masks"]
-        if not sequence.people and (sequence.truth / next(folders[0].glob("*.png")).name).exists():
-            folders.append(sequence.truth)
-        by = [float(x) for x in re.findall(r"([0-9.]+) (?:m|cm)\b", call([example, sequence.path, "--masks", *folders]))]
-        rows.append([sequence.name, inside, by])
-    return rows
+        runs = sq.sweep(sequence, ["geometric", "both"], [1])
+        folders = [runs["", mode, 1] / "masks" for mode in ("geometric", "both")] + [sequence.truth]
+        errors = [re.findall(r"([0-9.]+) cm", call([example, sequence.path, *options]))
+                  for options in ([], ["--masks", *folders])]
+        rows.append([sequence.name, *errors[0], *errors[1][1:]])
+    return table(["sequence", "alone", "`MotionSegmenter`", "`geometric`", "`both`", "true masks"], rows)
 
 
 def speed():

@@ -3,7 +3,6 @@
 """What each part of the method is worth; scripts/worth.sh says how."""
 import argparse
 import math
-import pathlib
 import statistics
 import sys
 
