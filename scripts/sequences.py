@@ -109,7 +109,8 @@ def composed(actors, base, seeds, prefix, camera="fr1"):
     found = []
     for seed in seeds:
         # The camera is chosen by the folder's name.
-        folder = WORK / "composed" / f"{camera}_{prefix.replace(' ', '_')}_{seed}"
+        name = f"{prefix.replace(' ', '_')}_{seed}"
+        folder = WORK / "composed" / (f"rgbd_bonn_{name}" if camera == "bonn" else f"{camera}_{name}")
         if not (folder / "groundtruth.txt").exists():
             # The tool knows the cameras of TUM.
             script = f"text = open({str(tool)!r}).read(); exec(text.replace('CAM = {{', 'CAM = {{{BONN}, ', 1))"

@@ -9,18 +9,10 @@
 #include <vector>
 
 #include "cameras.hpp"
-#include "dynslam/dynamics/depth_grid.hpp"
-#include "dynslam/dynamics/free_space.hpp"
-#include "dynslam/dynamics/free_space_history.hpp"
-#include "dynslam/dynamics/free_space_verdicts.hpp"
-#include "dynslam/dynamics/keypoint_bodies.hpp"
-#include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/method.hpp"
 #include "dynslam/dynamics/motion.hpp"
 #include "dynslam/dynamics/motion_segmenter.hpp"
 #include "dynslam/dynamics/motion_segmenter_options.hpp"
-#include "dynslam/dynamics/moved_outlines.hpp"
-#include "dynslam/dynamics/moves_as_one.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
 #include "image_kinds.hpp"
@@ -136,97 +128,6 @@ template <class Kind, class Camera>
   out.put("locate_reference", located.ok() && (located.T_c_w * T.inverse()).log().norm() < S(0.01));
   out.put("moves_as_one", moves_as_one(camera, Matches(matches), SE3<S>(), Kind::in(depth), T, S(0.6),
                                        LocateOptions<S>{}, locating));
-  return out;
-}
-
-/// What the outline of the board and keypoints on it say, each by itself, where the camera's pose is known;
-/// and how many cells of the board they find, less those that are none of it.
-template <class Kind, class Camera>
-[[nodiscard]] Record<double> body_results(int& by_outline, int& by_keypoints, int& cells) {
-  using S = typename Camera::ScalarType;
-  using Vector2 = Eigen::Matrix<S, 2, 1>;
-  static const BoardSequence<Camera> sequence;
-  const auto camera = conformance_camera<Camera>();
-  const DepthGrid grid(camera, kWidth, kHeight, {.columns = kWidth});
-  MotionSegmenterOptions<S> options;
-  const auto pose = [&](std::size_t k) -> SE3<S> { return sequence.T_w_c[k].inverse().template cast<S>(); };
-  const std::size_t last = sequence.gray.size() - 1, before = last - 2;
-  Record<double> out;
-
-  FreeSpaceHistory<S> history(options.free_space);
-  FreeSpaceVerdicts verdicts;
-  Image<float> depth;
-  Image<std::uint8_t> smooth, state, nothing_moved(grid.width(), grid.height(), 0);
-  const auto none = Kind::make(Image<std::uint8_t>(kWidth, kHeight, 0));
-  for (std::size_t k = 0; k <= last; ++k) {
-    const auto image = Kind::make(sequence.depth[k]);
-    grid.reduce(Kind::in(image), depth, smooth);
-    const double t = static_cast<double>(k) / 30;
-    history.check(grid, depth, smooth, t, pose(k), verdicts);
-    state_cells(grid, Kind::in(none), nothing_moved, state);
-    put_image(out, "state", state);
-    if (k < last) history.remember(depth, t, pose(k), state, verdicts.age);
-  }
-  const auto moving = Kind::make(sequence.moving[last]);
-  state_cells(grid, Kind::in(moving), nothing_moved, state);
-  put_image(out, "state", state);
-
-  MovedOutlineWorkspace outlines;
-  const auto surfaces = watch_outlines(depth, verdicts, options.growing.step, options.free_space.margins,
-                                       options.outlines, outlines);
-  by_outline = by_keypoints = cells = 0;
-  const auto on_board = [&](int u, int v) { return state(u, v) != kCellStatic; };
-  for (const SurfaceOutline& s : surfaces) {
-    if (!outline_moved(s, surfaces, options.outlines, 0)) continue;
-    outlines.for_each_cell(s, [&](int u, int v) { by_outline += on_board(u, v) ? 1 : -1; });
-  }
-
-  // Every third pixel of the view two frames ago, found again where its surface is now.
-  std::vector<KeypointMatch<S>> matches;
-  std::vector<JudgedMatch<S>> judged;
-  std::vector<std::size_t> index;
-  for (int v = 4; v < kHeight; v += 3) {
-    for (int u = 4; u < kWidth; u += 3) {
-      const float z = sequence.depth[before](u, v);
-      const bool moves = sequence.moving[before](u, v) != 0;
-      if (!(z > 0)) continue;
-      auto match = keypoint_match(camera, Vector2(S(u), S(v)), S(z), Vector2(S(0), S(0)));
-      if (!match) continue;
-      typename SE3<S>::Vector3 p_w = pose(before).inverse() * match->p_ref;
-      if (moves) p_w.x() += S(0.16);
-      const auto x_m = camera.project(pose(last) * p_w);
-      if (!x_m || x_m->minCoeff() < S(0) || x_m->x() > S(kWidth - 1) || x_m->y() > S(kHeight - 1)) continue;
-      match->x_m = *x_m;
-      index.push_back(matches.size());
-      judged.push_back({match->x, match->x_m, moves ? S(0) : S(1), moves});
-      matches.push_back(*match);
-    }
-  }
-  const std::span<const KeypointMatch<S>> all(matches);
-  const auto image = Kind::make(sequence.depth[last]);
-  verdicts.clear(grid.width(), grid.height());
-  KeypointBodies<S> bodies;
-  LocateWorkspace<S> locating;
-  bodies.place(std::span<const JudgedMatch<S>>(judged), std::span<const std::size_t>(index), grid, depth,
-               options.keypoint_seeds, options.free_space.margins, verdicts);
-  bodies.find(camera, all, pose(before), Kind::in(image), pose(last), depth, options, locating, verdicts);
-  auto mask = Kind::make(verdicts.seed);
-  bodies.complete(depth, options.keypoint_seeds, options.growing, Kind::out(mask), outlines.growing,
-                  verdicts);
-  for (int v = 0; v < grid.height(); ++v) {
-    for (int u = 0; u < grid.width(); ++u) {
-      cells += on_board(u, v) ? 1 : 0;
-      if (Kind::in(mask)(u, v) != 0) by_keypoints += on_board(u, v) ? 1 : -1;
-    }
-  }
-  bodies.find_rest(camera, all, pose(before), Kind::in(image), pose(last), options.locating);
-  const auto on = bodies.count(outlines.surface, surfaces.size());
-  for (const KeypointCount& n : on) {
-    out.put("keypoints", n.all);
-    out.put("at_rest", n.at_rest);
-  }
-  out.put("by_outline", by_outline);
-  out.put("by_keypoints", by_keypoints);
   return out;
 }
 

@@ -37,7 +37,6 @@
 #include "dynslam/segment/depth_lanes.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
 #include "dynslam/segment/growing_field.hpp"
-#include "dynslam/segment/keypoint_territories.hpp"
 #include "dynslam/segment/leading_edge.hpp"
 #include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/mask_completion.hpp"
@@ -156,7 +155,6 @@ void growing_of(const ImageSet<S>& set, Record<double>& out) {
   const auto depth = Kind::make(set.depth);
   const auto instances = Kind::make(set.instances);
   auto barrier = Kind::make(zero), grown = Kind::make(zero), seed = Kind::make(zero);
-  auto age = Kind::make(Image<float>(kWidth, kHeight, 0.0F));
   for (int v = 0; v < kHeight; ++v) Kind::out(barrier)(60, v) = 1;
   const auto camera = conformance_camera<Pinhole<S>>();
   Image<Eigen::Matrix<S, 3, 1>> normals(kWidth, kHeight);
@@ -183,27 +181,14 @@ void growing_of(const ImageSet<S>& set, Record<double>& out) {
   out.put("valid_depth_share", valid.exceeded_by(1500, 0.3) ? 1 : 0);
   for (int u = 46; u < 56; ++u) Kind::out(seed)(u, 45) = Kind::out(seed)(u, 46) = 1;
   MaskGrowingWorkspace growing;
-  const auto result = grow_mask(Kind::in(depth), Kind::in(barrier), Kind::out(seed), Kind::out(barrier),
-                                Kind::out(age), Kind::out(grown), MaskGrowingOptions{}, growing);
+  const auto result = grow_mask(Kind::in(depth), Kind::out(seed), Kind::out(barrier),
+                                Kind::out(grown), MaskGrowingOptions{}, growing);
   out.put("beside_nearer", beside_nearer(Kind::in(depth), 30, 30, 4, FreeSpaceMargins<S>{}) ? 1 : 0);
   out.put("grow_mask.seeds", result.seeds);
   put_image(out, "grow_mask", Kind::in(grown));
-  complete_surfaces(Kind::in(depth), Kind::out(grown), step, 0.3, 1, growing.growing);
   UnmeasuredWorkspace unmeasured;
   complete_unmeasured(labels, Kind::in(depth), Kind::out(grown), {}, unmeasured);
   put_image(out, "complete_mask", Kind::in(grown));
-  for (int v = 0; v < kHeight; ++v) {  // means go by finite numbers
-    for (int u = 0; u < kWidth; ++u) {
-      if (std::isinf(Kind::in(age)(u, v))) Kind::out(age)(u, v) = 1;
-    }
-  }
-  put_image(out, "grow_mask.age", Kind::in(age));
-  const std::vector<VerdictSite> sites{{30, 30, true}, {34, 30, true}, {32, 34, false}};
-  Image<int> parts;
-  TerritoryWorkspace territories;
-  out.put("territories", keypoint_territories(Kind::in(depth), std::span<const VerdictSite>(sites), step,
-                                              TerritoryOptions{4, 1}, parts, territories));
-  put_image(out, "territory", parts);
 }
 
 template <class Kind, std::floating_point S>

@@ -24,17 +24,15 @@ struct Fixture {
   DepthGrid grid{Pinhole<S>(S(200), S(200), S(79.5), S(59.5)), 160, 120, {.columns = 40}};
   FreeSpaceHistory<S> history;
   Image<float> depth;
-  Image<std::uint8_t> smooth, still;
-  Image<float> age;
-  FreeSpaceVerdicts verdicts;
+  Image<std::uint8_t> smooth;
+  Image<float> still;  ///< belief in a static cell
+  MotionEvidence evidence;
   double t = 0;  ///< of the frame at hand [s]
   static constexpr double kFrame = 1 / 30.0;
 
   Fixture() {
     still.resize(grid.width(), grid.height());
-    still.fill(kCellStatic);
-    age.resize(grid.width(), grid.height());
-    age.fill(0);
+    still.fill(-4);
   }
   /// A wall at 3 m with a box of 1.5 m around column `left` of the image, if it is inside.
   void look(int left) {
@@ -62,9 +60,9 @@ struct Fixture {
     motion(4) = turn;
     return RollingShutter<S>(motion, 120);
   }
-  [[nodiscard]] int seeds() const {
+  [[nodiscard]] int fresh() const {
     int n = 0;
-    for (std::size_t c = 0; c < grid.cells(); ++c) n += verdicts.seed.data()[c];
+    for (std::size_t c = 0; c < grid.cells(); ++c) n += evidence.fresh.data()[c];
     return n;
   }
 };
@@ -80,18 +78,18 @@ TEST_CASE_TEMPLATE(
     Fixture<S> f;
     for (int k = 0; k < 12; ++k) {
       const auto shutter = f.look_turning(-turn);
-      f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts,
+      f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.evidence,
                       known ? shutter : RollingShutter<S>());
-      f.history.remember(f.depth, f.t, SE3<S>(), f.still, f.age);
+      f.history.remember(f.depth, f.t, SE3<S>(), f.still);
       f.t += f.kFrame;
     }
     const auto shutter = f.look_turning(turn);
-    f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts,
+    f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.evidence,
                     known ? shutter : RollingShutter<S>());
     if (known)
-      CHECK(f.seeds() == 0);
+      CHECK(f.fresh() == 0);
     else
-      CHECK(f.seeds() > 8);  // above and below, beside the box
+      CHECK(f.fresh() > 8);  // above and below, beside the box
   }
 }
 
@@ -99,53 +97,53 @@ TEST_CASE_TEMPLATE("what has come contradicts the free space, what was there is 
   Fixture<S> f;
   for (int k = 0; k < 12; ++k) {
     f.look(-100);
-    f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
-    f.history.remember(f.depth, f.t, SE3<S>(), f.still, f.age);
+    f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.evidence);
+    f.history.remember(f.depth, f.t, SE3<S>(), f.still);
     f.t += f.kFrame;
   }
   f.look(60);
-  f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
-  CHECK(f.verdicts.seed(19, 15) == 1);
-  CHECK(f.verdicts.age(19, 15) == 0);
-  CHECK(f.verdicts.verified(19, 15) == 0);
-  CHECK(f.verdicts.seed(4, 4) == 0);
-  CHECK(f.verdicts.barrier(4, 4) == 1);
-  CHECK(f.verdicts.verified(4, 4) == 1);
-  CHECK(f.verdicts.age(4, 4) == FreeSpaceVerdicts::kNever);
+  f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.evidence);
+  const float prior = f.history.options().prior;
+  CHECK(f.evidence.fresh(19, 15) == 1);
+  CHECK(f.evidence.rested(19, 15) == 0);
+  CHECK(f.evidence.belief(19, 15) > 1);
+  CHECK(f.evidence.fresh(4, 4) == 0);
+  CHECK(f.evidence.rested(4, 4) == 1);
+  CHECK(f.evidence.belief(4, 4) < prior);
 
-  // What was found moving is handed on for a while, though nothing new speaks against it.
-  Image<std::uint8_t> moved = f.still;
-  moved(19, 15) = kCellMoved;
+  // A belief goes along with its surface.
+  Image<float> moved = f.still;
+  moved(19, 15) = 4;
   f.history.clear();
-  f.history.remember(f.depth, f.t, SE3<S>(), moved, f.age);
-  f.history.check(f.grid, f.depth, f.smooth, f.t + 0.05, SE3<S>(), f.verdicts);
-  CHECK(f.verdicts.seed(19, 15) == 1);
-  CHECK(f.verdicts.age(19, 15) == doctest::Approx(0.05));
-  CHECK(f.verdicts.seed(4, 4) == 0);
+  f.history.remember(f.depth, f.t, SE3<S>(), moved);
+  f.history.check(f.grid, f.depth, f.smooth, f.t + 0.05, SE3<S>(), f.evidence);
+  const double kept = std::exp(-0.05 / f.history.options().memory);
+  CHECK(f.evidence.belief(19, 15) == doctest::Approx(prior + (4 - prior) * kept));
+  CHECK(f.evidence.belief(4, 4) == doctest::Approx(prior + (-4 - prior) * kept));
 }
 
-TEST_CASE_TEMPLATE("a mask is carried for as many seconds as the options say, and what never moved never is",
-                   S, float, double) {
-  for (const double carry : {0.0, 0.3, 10.0, 60.0}) {
-    CAPTURE(carry);
+TEST_CASE_TEMPLATE("a belief in motion fades with time, however frames come, and ends where the surface stays", S,
+                   float, double) {
+  for (const double memory : {0.1, 0.7, 10.0}) {
+    CAPTURE(memory);
     Fixture<S> f;
     FreeSpaceOptions options;
-    options.carry = carry;
+    options.memory = memory;
     f.history = FreeSpaceHistory<S>(options);
-    Image<std::uint8_t> moved = f.still;
-    moved(19, 15) = kCellMoved;
+    Image<float> moved = f.still;
+    moved(19, 15) = 5;
     f.look(60);
-    f.history.remember(f.depth, f.t, SE3<S>(), moved, f.age);
-    // The last frame passes its mask on whenever the next one comes.
-    for (const double gap : {0.02, 0.29, 0.31, 2.0, 9.9, 10.1, 59.0, 61.0}) {
+    f.history.remember(f.depth, f.t, SE3<S>(), moved);
+    float last = 5;
+    for (const double gap : {0.02, 0.06, 0.29, 0.5, 2.0, 20.0}) {
       CAPTURE(gap);
-      f.history.check(f.grid, f.depth, f.smooth, f.t + gap, SE3<S>(), f.verdicts);
-      CHECK(f.verdicts.age(19, 15) == doctest::Approx(gap));
-      // Seen in the same place 0.83 s later, it rests.
-      CHECK(f.verdicts.seed(19, 15) == (gap <= carry && gap < options.rest_lag ? 1 : 0));
-      CHECK(f.seeds() <= 1);
-      CHECK(f.verdicts.age(4, 4) == FreeSpaceVerdicts::kNever);
+      f.history.check(f.grid, f.depth, f.smooth, f.t + gap, SE3<S>(), f.evidence);
+      CHECK(f.evidence.belief(19, 15) <= last);
+      last = f.evidence.belief(19, 15);
+      CHECK(f.evidence.belief(4, 4) < options.prior);
+      CHECK(f.fresh() == 0);
     }
+    CHECK(last < (memory < 5 ? options.prior : 0.0F));
   }
 }
 
@@ -158,16 +156,16 @@ TEST_CASE_TEMPLATE("a depth image taken half a frame beside its pose makes no mo
     f.history = FreeSpaceHistory<S>(options);
     for (int k = 0; k < 12; ++k) {
       f.look(60);
-      f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
-      f.history.remember(f.depth, f.t, SE3<S>(), f.still, f.age);
+      f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.evidence);
+      f.history.remember(f.depth, f.t, SE3<S>(), f.still);
       f.t += f.kFrame;
     }
     // The camera goes aside by 0.15 m, by which the box should be 20 pixels farther left: it is only half
     // way.
     f.look(50);
-    f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(SO3<S>(), {S(-0.15), S(0), S(0)}), f.verdicts);
+    f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(SO3<S>(), {S(-0.15), S(0), S(0)}), f.evidence);
     int count = 0;
-    for (std::size_t c = 0; c < f.grid.cells(); ++c) count += f.verdicts.seed.data()[c];
+    for (std::size_t c = 0; c < f.grid.cells(); ++c) count += f.evidence.fresh.data()[c];
     return count;
   };
   CHECK(seeds(0) >= 8);
@@ -183,9 +181,9 @@ TEST_CASE_TEMPLATE("lags are times, whenever the frames come", S, float, double)
     f.look(-100);
     std::size_t k = 0;
     while (f.t < 3) {
-      f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
-      CHECK(f.seeds() == 0);
-      f.history.remember(f.depth, f.t, SE3<S>(), f.still, f.age);
+      f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.evidence);
+      CHECK(f.fresh() == 0);
+      f.history.remember(f.depth, f.t, SE3<S>(), f.still);
       f.t += intervals[k++ % intervals.size()];
     }
     CHECK(f.history.size() <= 242);  // two seconds of what is needed
@@ -194,12 +192,10 @@ TEST_CASE_TEMPLATE("lags are times, whenever the frames come", S, float, double)
     const double came = f.t;
     double rests = 0;
     while (rests == 0 && f.t < came + 4) {
-      f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
-      CHECK((f.t > came || f.verdicts.seed(19, 15) == 1));
-      if (f.verdicts.verified(19, 15) == 1) rests = f.t - came;
-      Image<std::uint8_t> state = f.still;
-      for (std::size_t c = 0; c < f.grid.cells(); ++c) state.data()[c] = f.verdicts.seed.data()[c];
-      f.history.remember(f.depth, f.t, SE3<S>(), state, f.verdicts.age);
+      f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.evidence);
+      CHECK((f.t > came || f.evidence.fresh(19, 15) == 1));
+      if (f.evidence.rested(19, 15) == 1) rests = f.t - came;
+      f.history.remember(f.depth, f.t, SE3<S>(), f.evidence.belief);
       f.t += intervals[k++ % intervals.size()];
     }
     CHECK(rests == doctest::Approx(4 / 3.0).epsilon(0.06));  // most of the views show it then
@@ -210,17 +206,17 @@ TEST_CASE_TEMPLATE("after a gap longer than all lags, the last view before it te
   Fixture<S> f;
   for (int k = 0; k < 12; ++k) {
     f.look(-100);
-    f.history.remember(f.depth, f.t, SE3<S>(), f.still, f.age);
+    f.history.remember(f.depth, f.t, SE3<S>(), f.still);
     f.t += f.kFrame;
   }
   f.t += 20;
-  f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
-  CHECK(f.seeds() == 0);
-  CHECK(f.verdicts.verified(19, 15) == 1);
+  f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.evidence);
+  CHECK(f.fresh() == 0);
+  CHECK(f.evidence.rested(19, 15) == 1);
   f.look(60);
-  f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.verdicts);
-  CHECK(f.verdicts.seed(19, 15) == 1);
-  CHECK(f.verdicts.seed(4, 4) == 0);
+  f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.evidence);
+  CHECK(f.evidence.fresh(19, 15) == 1);
+  CHECK(f.evidence.fresh(4, 4) == 0);
 }
 
 TEST_CASE(

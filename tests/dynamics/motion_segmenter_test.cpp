@@ -190,7 +190,7 @@ TEST_CASE_TEMPLATE("depth images taken beside the grey ones make no movers, wher
   };
   const auto mean_share = [&](bool told) {
     MotionSegmenterOptions<S> options;
-    options.free_space.depth_time_uncertainty = 0;  // what is left of it is for what nobody knows
+    options.belief.free_space.depth_time_uncertainty = 0;  // what is left of it is for what nobody knows
     MotionSegmenter<S, Pinhole<S>> segmenter(camera, options);
     SceneRenderer<Pinhole<S>> grey(camera, kWidth, kHeight), depth(camera, kWidth, kHeight);
     const MovingScene scene;
@@ -269,12 +269,8 @@ TEST_CASE_TEMPLATE("a board that slides in its plane from the first frame on is 
   // Its depth stays what it was, so the depth check takes all but its leading edge for verified; its texture
   // tells.
   const Pinhole<S> camera{S(230), S(230), S(119.5), S(89.5)};
-  const auto found = [&](double territory, double body_share, bool mostly_plain, bool outlines = false) {
+  const auto found = [&](bool mostly_plain) {
     MotionSegmenterOptions<S> options;
-    if (!outlines) options.outlines.share = 2;
-    options.outlines.keypoints = 0;
-    options.keypoint_seeds.territory = territory;
-    options.keypoint_seeds.body_share = body_share;
     MotionSegmenter<S, Pinhole<S>> segmenter(camera, options);
     SceneRenderer<Pinhole<S>> view(camera, kWidth, kHeight);
     MovingScene scene;
@@ -291,30 +287,22 @@ TEST_CASE_TEMPLATE("a board that slides in its plane from the first frame on is 
     }
     return overlaps;
   };
-  const KeypointSeedOptions usual;
-  constexpr double kNever = 2;
-  CHECK(found(0, kNever, false) < 0.5);
-  CHECK(found(usual.territory, kNever, false) > 0.85);
-  // Where it has no texture, what stands on the same surface speaks for it.
-  CHECK(found(usual.territory, kNever, true) < 0.7);
-  CHECK(found(usual.territory, usual.body_share, true) > 0.85);
-  // And its outline speaks for all of it, textured or not.
-  CHECK(found(0, kNever, true, true) > 0.85);
+  CHECK(found(false) > 0.85);
+  CHECK(found(true) > 0.85);  // its outline is evidence for all of it, textured or not
 }
 
-TEST_CASE_TEMPLATE("a board that has most of the keypoints is found whole in the second frame already", S,
+TEST_CASE_TEMPLATE("a board that has most of the keypoints is found whole within a quarter of a second", S,
                    float, double) {
   const Pinhole<S> camera{S(230), S(230), S(119.5), S(89.5)};
-  const auto found = [&](int keypoints) {
+  const auto found = [&](int frames) {
     MotionSegmenterOptions<S> options;
-    options.outlines.keypoints = keypoints;
     MotionSegmenter<S, Pinhole<S>> segmenter(camera, options);
     SceneRenderer<Pinhole<S>> view(camera, kWidth, kHeight);
     MovingScene scene;
     scene.half = 0.55;
     scene.standing.x() = 2;  // out of view
     double result = 0;
-    for (int k = 0; k < 2; ++k) {
+    for (int k = 0; k < frames; ++k) {
       view.render(scene, camera_at(k));
       const SE3<S> T_c_w = camera_at(k).inverse().template cast<S>();
       const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), k / 30.0, T_c_w);
@@ -324,8 +312,7 @@ TEST_CASE_TEMPLATE("a board that has most of the keypoints is found whole in the
     }
     return result;
   };
-  CHECK(found(0) < 0.5);
-  CHECK(found(MovedOutlineOptions().keypoints) > 0.9);
+  CHECK(found(8) > 0.85);
 }
 
 TEST_CASE_TEMPLATE(
@@ -364,7 +351,7 @@ TEST_CASE_TEMPLATE("the rim of a board makes no mover of the wall behind it", S,
   const Pinhole<S> camera{S(230), S(230), S(119.5), S(89.5)};
   const auto of_the_wall = [&](double rim) {
     MotionSegmenterOptions<S> options;
-    options.keypoint_seeds.rim = rim;
+    options.belief.keypoints.edge = rim;
     MotionSegmenter<S, Pinhole<S>> segmenter(camera, options);
     SceneRenderer<Pinhole<S>> view(camera, kWidth, kHeight);
     MovingScene scene;
@@ -393,5 +380,5 @@ TEST_CASE_TEMPLATE("the rim of a board makes no mover of the wall behind it", S,
     return worst;
   };
   CHECK(of_the_wall(0) > 0.005);
-  CHECK(of_the_wall(KeypointSeedOptions().rim) < 0.001);
+  CHECK(of_the_wall(KeypointEvidenceOptions().edge) < 0.001);
 }

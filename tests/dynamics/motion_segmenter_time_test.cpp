@@ -95,12 +95,12 @@ TEST_CASE_TEMPLATE("a room at rest is never masked, at whatever rate its frames 
   all.push_back({"a gap of 2 s", std::vector<double>(24, 1 / 30.0)});
   all.back().intervals.push_back(2);
   all.push_back({"400 Hz", {1 / 400.0}});
-  for (const double carry : {FreeSpaceOptions().carry, 10.0, 60.0}) {
+  for (const double memory : {FreeSpaceOptions().memory, 10.0, 60.0}) {
     for (const Rhythm& rhythm : all) {
-      CAPTURE(carry);
+      CAPTURE(memory);
       CAPTURE(rhythm.name);
       MotionSegmenterOptions<S> options;
-      options.free_space.carry = carry;
+      options.belief.free_space.memory = memory;
       TimedScene<S> scene(options);
       for (const double t : rhythm.times(rhythm.name == "400 Hz" ? 0.4 : 1.3)) {
         REQUIRE(scene.look(t).ok());

@@ -14,7 +14,6 @@
 
 #include "allocations.hpp"
 #include "dynslam/segment/mask.hpp"
-#include "dynslam/segment/mask_completion.hpp"
 #include "dynslam/segment/region_growing.hpp"
 #include "image_kinds.hpp"
 #include "pixels.hpp"
@@ -226,43 +225,6 @@ TEST_CASE_TEMPLATE("a criterion that does not say so is never asked about invali
   CHECK_FALSE(asked);
 }
 
-TEST_CASE("completing surfaces equals counting them pixel by pixel") {
-  test::Rng rng("surfaces");
-  RegionGrowingWorkspace ws;
-  const FixedStep<float> step{0.03F};
-  std::size_t added = 0;
-  for (const Case& one : kCases) {
-    const int w = one.w, h = one.h;
-    const double noise = one.noise;
-    const auto depth = random_depth<float>(rng, w, h, noise);
-    Image<std::uint8_t> mask(w, h), nothing(w, h);
-    for (int v = 0; v < h; ++v) {
-      for (int u = 0; u < w; ++u) mask(u, v) = rng.chance(u % 60 < 30 ? 0.8 : 0.3) ? 1 : 0;
-    }
-    auto expected = mask;
-    std::size_t valid = 0, expected_added = 0;
-    for (int i = 0; i < w * h; ++i) valid += is_valid_depth(depth.data()[i]) ? 1U : 0U;
-    Oracle<float, FixedStep<float>> oracle{depth, nothing, Connectivity::four, step};
-    for (int v = 0; v < h; ++v) {
-      for (int u = 0; u < w; ++u) {
-        if (expected(u, v) == 0) continue;
-        const auto surface = oracle.region({u, v});
-        if (static_cast<double>(surface.size()) > 0.5 * static_cast<double>(valid)) continue;
-        const auto on = static_cast<std::size_t>(
-            std::ranges::count_if(surface, [&](const PixelIndex& p) { return expected(p.u, p.v) != 0; }));
-        if (on == surface.size() || static_cast<double>(on) < 0.6 * static_cast<double>(surface.size()))
-          continue;
-        expected_added += surface.size() - on;
-        for (const PixelIndex& p : surface) expected(p.u, p.v) = 255;
-      }
-    }
-    CHECK(complete_surfaces(depth, mask, step, 0.6, 0.5, ws) == expected_added);
-    CHECK(test::pixels(mask) == test::pixels(expected));
-    added += expected_added;
-  }
-  CHECK(added > 100);
-}
-
 TEST_CASE("growing, components and morphology take no memory once they have run") {
   if (!test::counts_allocations()) return;
   test::Rng rng("memory of growing");
@@ -276,7 +238,6 @@ TEST_CASE("growing, components and morphology take no memory once they have run"
   std::vector<int> counts;
   const auto run = [&] {
     grow_regions(depth, std::span<const PixelIndex>(seeds), RelativeStep<float>{}, {}, mask, growing);
-    complete_surfaces(depth, mask, RelativeStep<float>{}, 0.5, 1, growing);
     dilate(noise, mask, 3, morphology);
     erode(mask, mask, 2, morphology);
     connected_components(noise, labels, counts, morphology);

@@ -5,7 +5,6 @@
 
 #include <limits>
 #include <random>
-#include <span>
 
 #include "dynslam/image/image.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
@@ -25,23 +24,6 @@ void fill(Mask& mask, int u0, int v0, int u1, int v1) {
 std::size_t count(const Mask& mask) {
   return static_cast<std::size_t>(std::count(mask.data(), mask.data() + mask.width() * mask.height(), 255));
 }
-
-/// A mover of 20 x 30 pixels before a wall, found at its rims alone: 20 x 30 less 20 x `middle`.
-struct RimsOfAMover {
-  Image<float> depth{kMaskWidth, kMaskHeight, 3.0F};
-  Mask mask{kMaskWidth, kMaskHeight, 0};
-  RegionGrowingWorkspace workspace;
-  explicit RimsOfAMover(int middle) {
-    for (int v = 10; v < 40; ++v)
-      for (int u = 20; u < 40; ++u) depth(u, v) = 1.5F;
-    fill(mask, 20, 10, 40, 40);
-    for (int v = 25 - middle / 2; v < 25 + middle / 2; ++v)
-      for (int u = 20; u < 40; ++u) mask(u, v) = 0;
-  }
-  std::size_t complete(double share = 0.6, double limit = 0.7) {
-    return complete_surfaces(depth, mask.view(), RelativeStep<float>{0.03F, 0.01F}, share, limit, workspace);
-  }
-};
 
 /// What complete_unmeasured() promises, by the plainest shortest ways.
 class OracleOfWays {
@@ -98,49 +80,6 @@ class OracleOfWays {
 };
 
 }  // namespace
-
-TEST_CASE("what a surface asks for may depend on what lies on it") {
-  RimsOfAMover mover(20);  // a third is found
-  const Mask before = mover.mask;
-  const auto complete = [&](double share) {
-    const auto by_size = [&](std::span<const PixelRun> runs) {
-      std::size_t size = 0;
-      for (const PixelRun& run : runs) size += static_cast<std::size_t>(run.end - run.begin);
-      CHECK(size == 600);
-      return share;
-    };
-    return complete_surfaces(mover.depth, mover.mask.view(), RelativeStep<float>{0.03F, 0.01F}, by_size, 0.7,
-                             mover.workspace);
-  };
-  CHECK(complete(0.4) == 0);
-  CHECK(complete(2) == 0);
-  CHECK(count(mover.mask) == count(before));
-  CHECK(complete(0.3) == 400);
-  CHECK(count(mover.mask) == 600);
-}
-
-TEST_CASE("a surface that is found moving in most parts moves as a whole") {
-  RimsOfAMover mover(10);
-  CHECK(mover.complete() == 20 * 10);
-  CHECK(count(mover.mask) == 20 * 30);
-  RimsOfAMover mostly_still(14);  // 16 rows of 30
-  CHECK(mostly_still.complete() == 0);
-  CHECK(count(mostly_still.mask) == 20 * 16);
-}
-
-TEST_CASE("what a mover stands on is not taken with it, nor a surface that fills the view") {
-  RimsOfAMover standing(10);
-  for (int v = 40; v < kMaskHeight; ++v)
-    for (int u = 0; u < kMaskWidth; ++u) standing.depth(u, v) = 1.5F;
-  CHECK(standing.complete() == 0);
-  RimsOfAMover large(10);
-  CHECK(large.complete(0.6, 0.1) == 0);
-  RimsOfAMover never(2);
-  CHECK(never.complete(2) == 0);
-  RimsOfAMover unseen(10);
-  unseen.depth.fill(std::numeric_limits<float>::quiet_NaN());
-  CHECK(unseen.complete() == 0);
-}
 
 TEST_CASE("pixels without depth go with what looks alike, on the mask or beside it") {
   // A dark head of 12 x 12 on a mover whose depth ends below it, before a bright wall: the head has no depth,

@@ -18,7 +18,7 @@
 #include "dynslam/config.hpp"
 #include "dynslam/dynamics/depth_grid.hpp"
 #include "dynslam/dynamics/free_space.hpp"
-#include "dynslam/dynamics/free_space_verdicts.hpp"
+#include "dynslam/dynamics/motion_evidence.hpp"
 #include "dynslam/geometry/rolling_shutter.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/image/depth_bounds.hpp"
@@ -34,8 +34,13 @@ struct FreeSpaceOptions {
   std::array<double, 7> lags{1 / 30.0, 4 / 30.0, 8 / 30.0, 0.5, 25 / 30.0, 40 / 30.0, 2.0};
   double old_lag = 8 / 30.0;    ///< a mover has left its own volume by then: what is still there supports [s]
   double rest_lag = 25 / 30.0;  ///< what has stayed for so long is at rest, even if it moved before [s]
-  double follow_lag = 4 / 30.0;  ///< the last view, and those up to this age, pass their masks on [s]
-  double carry = 20 / 30.0;      ///< how long a mask survives without new evidence [s]
+  double follow_lag = 4 / 30.0;  ///< the last view, and those up to this age, pass their belief on [s]
+  double memory = 0.7;           ///< time in which a belief without new evidence falls to 1/e of it [s]
+  float prior = -2;              ///< log-odds that a surface moves of which nothing is known
+  float unseen = 0.02F;          ///< confidence in that, beside 1 of a surface that was seen before
+  float violated = 2.5F;         ///< log-likelihood ratio of a surface where the space was free, per view
+  float supported = 0.5F;        ///< and against motion, of one that was there already, per view
+  float bound = 4;               ///< of what all views together say
   float min_depth = 0.2F;        ///< nearer than this to an earlier camera nothing is judged [m]
   float max_depth = 5.0F;        ///< beyond, depth is too noisy to judge [m]
   FreeSpaceMargins<float> margins;
@@ -46,12 +51,10 @@ struct FreeSpaceOptions {
   int max_shift = 4;  ///< of a depth image beside its pose, by that time and the camera's speed [cells]
 };
 
-/// Remembers reduced depth images with their poses and tells which surfaces of a new one lie in space that
-/// was seen to be free (they moved there) or were there already (they are at rest): Eq (6) made dense and
-/// signed, over several ages. Memory of dropped views is used again.
+/// Remembers reduced depth images with their poses and tells which surfaces of a new one lie in space that was seen to be
+/// free (they moved) or were there already (they are static): Eq (6) made dense and signed, over several ages.
 ///
-/// Ages are differences of the frames' time stamps, at any rate and over any gap. After a gap longer than all
-/// `lags` the last view before it is what the present one is compared with.
+/// Ages are differences of time stamps. After a gap longer than all `lags` the last view before it is compared.
 template <std::floating_point S>
 class FreeSpaceHistory {
  public:
@@ -65,26 +68,26 @@ class FreeSpaceHistory {
   /// @param t        of the frame, later than those remembered [s]
   /// @param shutter  how the camera moved while the rows of the depth image were read
   void check(const DepthGrid& grid, const Image<float>& depth, const Image<std::uint8_t>& smooth, double t,
-             const SE3<S>& T_c_w, FreeSpaceVerdicts& out, const RollingShutter<S>& shutter = {}) {
+             const SE3<S>& T_c_w, MotionEvidence& out, const RollingShutter<S>& shutter = {}) {
     now_ = t;
     shutter_ = GridShutter(shutter, grid.height());
     const std::size_t cells = grid.cells();
+    ratio_.assign(cells, 0);
+    seen_.assign(cells, 0);
     violations_.assign(cells, 0);
     support_.assign(cells, 0);
-    out.resize(grid.width(), grid.height());
-    out.age.fill(FreeSpaceVerdicts::kNever);
+    out.clear(grid.width(), grid.height(), options_.prior, options_.unseen);
     shift_ = shift(grid, T_c_w);
     find_surfaces(depth, smooth);
     std::size_t next = 0;  // view that was not yet compared
     for (const double lag : options_.lags) {
       const std::size_t view = nearest_view(lag);
       if (view < next || view == views_.size()) continue;
-      compare(grid, depth, T_c_w, view, out.age);
+      compare(grid, depth, T_c_w, view, out.belief);
       next = view + 1;
     }
     find_bounds(depth);
     checked_ = true;
-    out.gone.fill(0.0F);
     next = 0;
     for (const double lag : {options_.follow_lag, options_.old_lag}) {
       const std::size_t view = nearest_view(lag);
@@ -93,22 +96,17 @@ class FreeSpaceHistory {
       next = view + 1;
     }
     for (std::size_t c = 0; c < cells; ++c) {
-      const bool contradicted = violations_[c] > support_[c];
-      float& age = out.age.data()[c];
-      const bool carried = static_cast<double>(age) <= options_.carry && support_[c] == 0;
-      out.seed.data()[c] = contradicted || carried ? 1 : 0;
-      if (contradicted) age = 0;
-      out.barrier.data()[c] = out.verified.data()[c] = support_[c] > violations_[c] ? 1 : 0;
+      if (seen_[c] == 0) continue;
+      out.add(c, std::clamp(ratio_[c], -options_.bound, options_.bound));
+      out.fresh.data()[c] = violations_[c] > support_[c] ? 1 : 0;
+      out.rested.data()[c] = support_[c] > violations_[c] ? 1 : 0;
     }
   }
 
-  /// Keeps the frame last checked as evidence for later ones. Call it once per frame, in order. Frames that
-  /// come much faster than the first of `lags` asks for are left out, which bounds the memory.
-  /// @param t      of the frame, later than those remembered [s]
-  /// @param state  CellState of each cell
-  /// @param age    time since direct evidence, for cells that are kCellMoved [s]
-  void remember(const Image<float>& depth, double t, const SE3<S>& T_c_w, const Image<std::uint8_t>& state,
-                const Image<float>& age) {
+  /// Keeps the frame last checked, with the log-odds of motion of its cells, as evidence for later ones. Call it once per
+  /// frame, in order. Frames that come much faster than the first of `lags` asks for are left out, which bounds memory.
+  /// @param t  of the frame, later than those remembered [s]
+  void remember(const Image<float>& depth, double t, const SE3<S>& T_c_w, const Image<float>& belief) {
     last_ = {t, T_c_w};
     if (!views_.empty() && t - views_.front().t < kDensest * options_.lags.front()) return;
     View view;
@@ -128,8 +126,7 @@ class FreeSpaceHistory {
     view.t = t;
     view.T_c_w = T_c_w;
     view.shutter = shutter_;
-    view.state = state;
-    view.age = age;
+    view.belief = belief;
     views_.push_front(std::move(view));
     drop_unused();
   }
@@ -163,8 +160,8 @@ class FreeSpaceHistory {
   struct View {
     DepthBounds<float> bounds, anywhere;  // anywhere: within `shift_`, where that is more
     bool shifted = false;
-    Image<std::uint8_t> state, surface;
-    Image<float> depth, age;
+    Image<std::uint8_t> surface;
+    Image<float> depth, belief;
     GridShutter shutter;
     double t = 0;
     SE3<S> T_c_w;
@@ -188,8 +185,7 @@ class FreeSpaceHistory {
     return lag - (now_ - views_[i - 1].t) < now_ - views_[i].t - lag ? i - 1 : i;
   }
 
-  /// Ages for which a view stands: frames come when they come, so these reach half way to the nearer
-  /// neighbour.
+  /// Ages for which a view stands, half way to the nearer neighbour.
   struct Ages {
     double least, most;
   };
@@ -211,8 +207,7 @@ class FreeSpaceHistory {
     }
   }
 
-  /// How far the present depth image may lie beside its pose [cells]: as far as a point 1 m ahead moves in
-  /// the time that is not known.
+  /// Greatest shift of the depth image beside its pose [cells]: of a point 1 m ahead in the time that is not known.
   [[nodiscard]] int shift(const DepthGrid& grid, const SE3<S>& T_c_w) const {
     if (views_.empty()) return 0;
     const SE3<S> step = T_c_w * last_.T_c_w.inverse();
@@ -237,9 +232,9 @@ class FreeSpaceHistory {
     }
   }
 
-  /// Adds what a view says to violations, support and ages.
+  /// Adds what a view says of the cells, and the belief that it has of their surfaces.
   void compare(const DepthGrid& grid, const Image<float>& depth, const SE3<S>& T_c_w, std::size_t index,
-               Image<float>& ages) {
+               Image<float>& belief) {
     constexpr std::size_t kBlock = 64;  // cells whose places are found at once
     std::array<int, kBlock> cell;
     std::array<float, kBlock> z;
@@ -247,18 +242,15 @@ class FreeSpaceHistory {
     const View& view = views_[index];
     const Ages stands_for = ages_of(index);
     const bool shows_motion = stands_for.least > options_.lags.front();
-    // A young sequence has nothing older than its first frame.
-    const double old_lag = std::min(options_.old_lag, now_ - views_.back().t);
+      const double old_lag = std::min(options_.old_lag, now_ - views_.back().t);
     const bool is_old = shows_motion && stands_for.most >= old_lag;
     const bool shows_rest = is_old && stands_for.most >= options_.rest_lag;
     const bool passes_mask_on = index == 0 || stands_for.least <= options_.follow_lag;
-    const auto view_time = static_cast<float>(now_ - view.t);
+    const auto keeps = static_cast<float>(std::exp(-(now_ - view.t) / options_.memory));
     const SE3<S> T_v_c = view.T_c_w * T_c_w.inverse();
     const float* nearest = view.bounds.nearest.data();
     const float* farthest = view.bounds.farthest.data();
-    const std::uint8_t* state = view.state.data();
-    const float* view_age = view.age.data();
-    float* age = ages.data();
+    const float* then = view.belief.data();
     for (std::size_t c = 0; c < cells; ++c) {
       const std::size_t b = c % kBlock;
       if (b == 0) {
@@ -273,17 +265,29 @@ class FreeSpaceHistory {
       switch (free_space_evidence(z[b], nearest[q], farthest[q], options_.margins)) {
         case DepthEvidence::violation:
           // What may have been in front at that moment is no free space; nor does it tell of rest.
-          if (surface_.data()[c] != 0 && shows_motion && passes(view, q, z[b])) ++violations_[c];
+          if (surface_.data()[c] != 0 && shows_motion && passes(view, q, z[b])) {
+            ++violations_[c];
+            ratio_[c] += options_.violated;
+            seen_[c] = std::max<std::uint8_t>(seen_[c], 1);
+          }
           break;
-        case DepthEvidence::consistent:
+        case DepthEvidence::consistent: {
           // What lies behind a mover's rim is not the mover, though the rim's cell had both depths.
-          if (state[q] == kCellMoved && passes_mask_on && z[b] <= nearest[q] + rim(z[b]))
-            age[c] = std::min(age[c], view_age[q] + view_time);
-          // A surface that was in this very place long ago is at rest, whatever it was taken for then.
-          if (state[q] == kCellMoved ? shows_rest : is_old) ++support_[c];
+          const bool same = z[b] <= nearest[q] + rim(z[b]);
+          if (passes_mask_on && seen_[c] < 2 && same) {
+            belief.data()[c] += (then[q] - options_.prior) * keeps;
+            seen_[c] = 2;
+          }
+          // A mover still overlaps with where it was shortly before; what has stayed long is at rest.
+          const float moved = shows_rest || !same ? 0.0F : 1.0F / (1.0F + std::exp(-then[q]));
+          if (is_old) {
+            ratio_[c] -= options_.supported * (1 - moved);
+            seen_[c] = std::max<std::uint8_t>(seen_[c], 1);
+            if (moved < 0.5F) ++support_[c];
+          }
           break;
-        case DepthEvidence::unknown:
-          break;
+        }
+        case DepthEvidence::unknown: break;
       }
     }
   }
@@ -383,6 +387,8 @@ class FreeSpaceHistory {
   std::deque<View> views_;   // newest first
   std::vector<View> spare_;  // memory of dropped views
   Moment last_;              // frame last remembered, also where it was left out of the views
+  std::vector<float> ratio_;         // log-likelihood of motion to that of rest, by cell
+  std::vector<std::uint8_t> seen_;   // 1: in some view, 2: with its belief
   std::vector<std::uint8_t> violations_, support_;
   int shift_ = 0;  // of the frame last checked
   Image<std::uint8_t> surface_;

@@ -17,14 +17,12 @@
 #include "dynslam/concepts/camera.hpp"
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/dynamics/depth_grid.hpp"
-#include "dynslam/dynamics/free_space.hpp"
-#include "dynslam/dynamics/free_space_history.hpp"
-#include "dynslam/dynamics/keypoint_bodies.hpp"
+#include "dynslam/dynamics/keypoint_regions.hpp"
 #include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/method.hpp"
 #include "dynslam/dynamics/motion.hpp"
+#include "dynslam/dynamics/motion_belief.hpp"
 #include "dynslam/dynamics/motion_segmenter_options.hpp"
-#include "dynslam/dynamics/moved_outlines.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
 #include "dynslam/features/corners.hpp"
@@ -61,9 +59,7 @@ class MotionSegmenter {
   using NoPrior = ImageView<const std::uint8_t>;
 
   explicit MotionSegmenter(const Camera& camera, const Options& options = {})
-      : camera_(camera), options_(options), history_(options.free_space) {
-    // Additions to the paper's step 9.
-    if (options_.method == Method::paper) options_.growing.whole = options_.growing.still = 2;
+      : camera_(camera), options_(options), belief_(options.belief) {
   }
 
   [[nodiscard]] const Options& options() const { return options_; }
@@ -94,7 +90,6 @@ class MotionSegmenter {
     if (!std::isfinite(t) || (last_ && !(t > last_->t))) return motion_.refuse(MotionStatus::time_not_later);
     motion_.status = MotionStatus::ok;
     motion_.matches.clear();
-    judged_.clear();
     t_ = t;
     look_at(gray);
     reference_.track(rolling(), pyramid_, T_c_w, prior, options_.reference, matches_);
@@ -103,28 +98,16 @@ class MotionSegmenter {
     on_stage(MotionStage::residuals);
     grid_.reduce(depth, depth_, smooth_);
     if (options_.method == Method::full) {
-      history_.check(grid_, depth_, smooth_, t, depth_pose(T_c_w), verdicts_, shutter_);
+      motion_.seeds = belief_.update(grid_, depth_, smooth_, t, depth_pose(T_c_w), shutter_, motion_.matches, cell_mask_);
     } else {
-      verdicts_.clear(grid_.width(), grid_.height());
+      belief_.forget_evidence(grid_);
+      const MaskGrowingResult grown = regions_.find(motion_.matches, grid_, depth_, options_.regions,
+                                                    options_.belief.free_space.margins, options_.growing, cell_mask_);
+      motion_.seeds = grown.seeds;
+      motion_.regions_leaked = grown.regions_leaked;
     }
-    bodies_.place(motion_.matches, judged_, grid_, depth_, options_.keypoint_seeds,
-                  options_.free_space.margins, verdicts_);
-    if (options_.method == Method::full) {
-      bodies_.find(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(), depth, T_c_w,
-                   depth_, options_, locating_, verdicts_);
-      heed_outlines(depth, T_c_w);
-    }
+    motion_.verified = belief_.evidence().rested;
     on_stage(MotionStage::free_space);
-    // A mask that would not be carried on any more does not tell what was a mover.
-    if (last_ && t - last_->t > options_.free_space.carry) state_.resize(0, 0);
-    const MaskGrowingResult grown =
-        grow_mask(depth_.view(), state_.view(), verdicts_.seed.view(), verdicts_.barrier.view(),
-                  verdicts_.age.view(), cell_mask_.view(), options_.growing, growing_);
-    bodies_.complete(depth_, options_.keypoint_seeds, options_.growing, cell_mask_.view(), growing_.growing,
-                     verdicts_);
-    motion_.verified = verdicts_.verified;
-    motion_.seeds = grown.seeds;
-    motion_.regions_leaked = grown.regions_leaked;
     upsample_mask(cell_mask_.view(), depth_, depth, grid_, motion_.mask.view(), zone_);
     const bool add = options_.method == Method::full && motion_.seeds > 0;
     if (add)
@@ -175,12 +158,7 @@ class MotionSegmenter {
         out.height() != depth.height())
       return false;
     grid_.reduce(depth, depth_, smooth_);
-    verdicts_.clear(grid_.width(), grid_.height());
-    cell_mask_.fill(0);
-    for (const SurfaceOutline& s : watch_surfaces()) {
-      if (s.in_foreground(options_.outlines))
-        outlines_.for_each_cell(s, [&](int u, int v) { cell_mask_(u, v) = 255; });
-    }
+    belief_.mark_foreground(grid_, depth_, cell_mask_);
     upsample_mask(cell_mask_.view(), depth_, depth, grid_, out, zone_);
     return true;
   }
@@ -196,9 +174,7 @@ class MotionSegmenter {
     if (!std::exchange(segmented_, false)) return;
     remembered_ = true;
     last_ = {t_, T_c_w, shutter_};
-    state_cells(grid_, mask, cell_mask_, state_);
-    if (options_.method == Method::full)
-      history_.remember(depth_, t_, depth_pose(T_c_w), state_, verdicts_.age);
+    if (options_.method == Method::full) belief_.remember(grid_, depth_, t_, depth_pose(T_c_w), mask);
     const bool wanted =
         reference_.empty() || t_ - reference_t_ >= options_.own_reference.max_age || reference_worn();
     if (options_.own_reference.use && wanted) take_reference(T_c_w);
@@ -206,17 +182,16 @@ class MotionSegmenter {
 
   /// Forgets all frames, as where the clock was set back or another sequence begins.
   void clear() {
-    history_.clear();
+    belief_.clear();
     reference_ = {};
     last_.reset();
-    state_.resize(0, 0);
     remembered_ = segmented_ = false;
   }
 
   /// Moves what is remembered with a correction of the map (after a loop or an adjustment):
   /// new T_c_w = old T_c_w D.
   void follow(const SE3<S>& D) {
-    history_.follow(D);
+    belief_.follow(D);
     if (last_) last_->T_c_w = last_->T_c_w * D;
     reference_.place(reference_.T_c_w() * D);
   }
@@ -242,7 +217,7 @@ class MotionSegmenter {
   [[nodiscard]] bool verified_static(float u, float v) const { return at_pixel(motion_.verified, u, v) != 0; }
 
   /// The surface at a pixel of the frame last segmented, counted from 1; 0: none of a size worth telling.
-  [[nodiscard]] int surface(float u, float v) const { return at_pixel(outlines_.surface, u, v); }
+  [[nodiscard]] int surface(float u, float v) const { return at_pixel(belief_.surface(), u, v); }
 
  private:
   struct LastFrame {
@@ -297,7 +272,6 @@ class MotionSegmenter {
     for (std::size_t k = 0; k < matches_.size(); ++k) {
       if (result.mismatch[k] != 0 || result.invalid[k] != 0) continue;
       motion_.matches.push_back({matches_[k].x, matches_[k].x_m, result.weight[k], result.dynamic[k] != 0});
-      judged_.push_back(k);
     }
   }
 
@@ -319,32 +293,6 @@ class MotionSegmenter {
     return T_depth_c_ ? *T_depth_c_ * T_c_w : T_c_w;
   }
 
-  /// The surfaces of the reduced depth, with what the verdicts say of their outlines.
-  std::span<const SurfaceOutline> watch_surfaces() {
-    return watch_outlines(depth_, verdicts_, options_.growing.step, options_.free_space.margins,
-                          options_.outlines, outlines_);
-  }
-
-  /// What surfaces say as a whole, by their outlines and their keypoints: movers move whole, and what rests
-  /// is no longer carried as a mover.
-  template <class D>
-  void heed_outlines(const D& depth, const SE3<S>& T_c_w) {
-    const MovedOutlineOptions& o = options_.outlines;
-    const auto surfaces = watch_surfaces();
-    bodies_.find_rest(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(), depth,
-                      T_c_w, options_.locating);
-    const auto keypoints = bodies_.count(outlines_.surface, surfaces.size());
-    for (std::size_t k = 0; k < surfaces.size(); ++k) {
-      const SurfaceOutline& s = surfaces[k];
-      const KeypointCount& on_it = keypoints[k + 1];
-      if (keypoints_moved(s, on_it, keypoints.front(), o) || outline_moved(s, surfaces, o, on_it.at_rest)) {
-        outlines_.for_each_cell(s, [&](int u, int v) { verdicts_.doubt(u, v); });
-      } else if (s.still(o, options_.growing.min_seeds)) {
-        outlines_.for_each_cell(s, [&](int u, int v) { verdicts_.seed(u, v) = 0; });
-      }
-    }
-  }
-
   void take_reference(const SE3<S>& T_c_w) {
     const int level = std::min(1, pyramid_.size() - 1);
     find_corners(pyramid_.image(level),
@@ -357,7 +305,7 @@ class MotionSegmenter {
       // The reduced depth of a cell on one surface: at an edge the corner's own depth is a guess.
       if (c < 0 || smooth_.data()[c] == 0) continue;
       keypoints_.push_back(
-          {x, static_cast<S>(depth_.data()[c]), S(1 << level), state_.data()[c] != kCellStatic});
+          {x, static_cast<S>(depth_.data()[c]), S(1 << level), belief_.evidence().belief.data()[c] > 0});
     }
     reference_.set(rolling(), pyramid_, std::span<const ReferenceKeypoint<S>>(keypoints_), T_c_w,
                    options_.reference);
@@ -380,16 +328,12 @@ class MotionSegmenter {
   std::vector<KeypointMatch<S>> matches_;
   LocateWorkspace<S> locating_;
   StaticWeightsWorkspace<S> weights_;
-  FreeSpaceHistory<S> history_;
-  FreeSpaceVerdicts verdicts_;
+  MotionBelief<S> belief_;
   Image<float> depth_;                                     // reduced
-  Image<std::uint8_t> smooth_, cell_mask_, state_, zone_;  // of the cells
-  MaskGrowingWorkspace growing_;
+  Image<std::uint8_t> smooth_, cell_mask_, zone_;  // of the cells
+  KeypointRegions<S> regions_;
   UnmeasuredWorkspace unmeasured_;
   MaskDelayWorkspace delay_;
-  std::vector<std::size_t> judged_;  // in matches_, of motion_.matches
-  KeypointBodies<S> bodies_;
-  MovedOutlineWorkspace outlines_;
   CornerWorkspace corner_workspace_;
   std::vector<Eigen::Vector2i> corners_;
   std::vector<ReferenceKeypoint<S>> keypoints_;

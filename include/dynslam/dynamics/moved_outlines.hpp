@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "dynslam/dynamics/free_space.hpp"
-#include "dynslam/dynamics/free_space_verdicts.hpp"
+#include "dynslam/dynamics/motion_evidence.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/image/image.hpp"
 #include "dynslam/segment/connectivity.hpp"
@@ -20,23 +20,24 @@
 
 namespace dynslam {
 
+/// How the outline and the keypoints of a surface are evidence for all of it.
+struct SurfaceEvidenceOptions {
+  double share = 0.3;  ///< by which more of it must have moved than of the others
+  double slope = 10;   ///< log-likelihood ratio per share beyond that
+  double most = 3, most_rest = 0.5;  ///< greatest ratio for motion and for rest
+  /// Least outline of a surface of n cells, in sqrt(n) sides: a square has 4. Where less is its own silhouette, as of an
+  /// object that stands on a floor and the floor, the rest counts as not moved.
+  double perimeter = 3;
+  int outline = 20;                  ///< least sides of cells,
+  int keypoints = 15;                ///< and keypoints, that are evidence
+};
+
 /// What the outline of a surface tells of it. Counts are in cells of a grid of about 160 x 120.
 struct MovedOutlineOptions {
-  double share = 0.3;  ///< of an outline that must have moved for its surface to be a mover; above 1: never
-  double sure = 0.7;   ///< from which on nothing speaks against that
-  int moved = 20;      ///< cells of the outline that must have moved
-  int at_rest =
-      4;  ///< keypoints at rest on the surface from which on it is more than the mover, below `sure`
-  /// Share of the other outlines that may have moved, below `sure`: where all of them have, the pose is
-  /// wrong.
-  double others = 0.1;
   /// Share of a surface's outline, as far as it is one with something nearer or farther, beside which
   /// something farther is seen, from which on the surface stands before the rest of the view.
   double foreground = 0.7;
-  int keypoints = 15;  ///< on a surface of the foreground from which on they tell that it moves; 0: never
-  double keypoint_share = 0.25;  ///< and share of all: with fewer the scale of all residuals is the others'
-  double resting = 0.1;          ///< share of them that may be at rest then, while most of the others are
-  int still = 40;  ///< cells of an outline that show, by not having moved, that its surface rests; 0: never
+  int least = 20;  ///< cells of the outline of such a surface
   int surface = 100;  ///< cells of the smallest surface
   int gap = 4;        ///< cells without depth between a surface and what lies behind it, at most
   int beside = 2;     ///< cells beside an outline in which what has gone or come is looked for
@@ -47,17 +48,12 @@ struct SurfaceOutline {
   std::size_t begin = 0, end = 0;  ///< of its runs in MovedOutlineWorkspace::runs
   int cells = 0;                   ///< sides of cells of the outline
   int moved = 0;                   ///< of them, beside which the surface was shortly before or has come to
+  int area = 0;                    ///< cells of the surface
   int hidden = 0;                  ///< sides of cells beside which something nearer hides the surface
-  int fresh = 0;                   ///< seeds of age 0 on the surface
 
-  [[nodiscard]] bool moved_by(double share) const { return moved >= share * cells; }
   /// Whether it stands before what is beside it.
   [[nodiscard]] bool in_foreground(const MovedOutlineOptions& options) const {
-    return cells >= options.moved && cells >= options.foreground * (cells + hidden);
-  }
-  /// Whether it is seen not to have moved, and nothing else says so now.
-  [[nodiscard]] bool still(const MovedOutlineOptions& options, int min_seeds) const {
-    return options.still > 0 && cells >= options.still && 50 * moved < cells && fresh < min_seeds;
+    return cells >= options.least && cells >= options.foreground * (cells + hidden);
   }
 };
 
@@ -84,9 +80,9 @@ namespace detail {
 template <class Step>
 class OutlineWatch {
  public:
-  OutlineWatch(const Image<float>& depth, const FreeSpaceVerdicts& verdicts, const Step& step,
+  OutlineWatch(const Image<float>& depth, const MotionEvidence& evidence, const Step& step,
                const FreeSpaceMargins<float>& margins, const MovedOutlineOptions& options)
-      : depth_(depth), verdicts_(verdicts), step_(step), margins_(margins), options_(options) {}
+      : depth_(depth), evidence_(evidence), step_(step), margins_(margins), options_(options) {}
 
   /// Counts the side (du, dv) of a surface's cell, if it is one of the outline.
   void look(int u, int v, int du, int dv, SurfaceOutline& outline) const {
@@ -114,7 +110,7 @@ class OutlineWatch {
     for (int i = 1; i <= gap + 1 + options_.beside; ++i) {
       for (const int side : {0, 1, -1}) {
         const int x = u + i * du + side * dv, y = v + i * dv + side * du;
-        if (inside(x, y) && is_of_surface(verdicts_.gone(x, y), z)) return true;
+        if (inside(x, y) && is_of_surface(evidence_.gone(x, y), z)) return true;
       }
     }
     return false;
@@ -126,13 +122,13 @@ class OutlineWatch {
   /// Whether it has come to where the space was free.
   [[nodiscard]] bool came(int u, int v, int du, int dv) const {
     for (int i = 0; i <= options_.beside && inside(u - i * du, v - i * dv); ++i) {
-      if (fresh_seed(verdicts_, u - i * du, v - i * dv)) return true;
+      if (evidence_.fresh(u - i * du, v - i * dv) != 0) return true;
     }
     return false;
   }
 
   const Image<float>& depth_;
-  const FreeSpaceVerdicts& verdicts_;
+  const MotionEvidence& evidence_;
   const Step& step_;
   const FreeSpaceMargins<float>& margins_;
   const MovedOutlineOptions& options_;
@@ -149,13 +145,13 @@ class OutlineWatch {
 /// @param step      between cells of one surface, as RelativeStep
 /// @return surfaces of at least `options.surface` cells, in `ws`
 template <class Step>
-std::span<const SurfaceOutline> watch_outlines(const Image<float>& depth, const FreeSpaceVerdicts& verdicts,
+std::span<const SurfaceOutline> watch_outlines(const Image<float>& depth, const MotionEvidence& evidence,
                                                const Step& step, const FreeSpaceMargins<float>& margins,
                                                const MovedOutlineOptions& options,
                                                MovedOutlineWorkspace& ws) {
   const detail::NoBarrier nowhere;
   detail::GrowingField field(depth, nowhere, step, ws.growing.words);
-  const detail::OutlineWatch watch(depth, verdicts, step, margins, options);
+  const detail::OutlineWatch watch(depth, evidence, step, margins, options);
   ws.runs.clear();
   ws.surfaces.clear();
   ws.surface.resize(depth.width(), depth.height());
@@ -170,13 +166,13 @@ std::span<const SurfaceOutline> watch_outlines(const Image<float>& depth, const 
         continue;
       }
       s.end = ws.runs.size();
+      s.area = static_cast<int>(size);
       for (const PixelRun& run : ws.runs_of(s)) {
         watch.look(run.begin, run.v, -1, 0, s);
         watch.look(run.end - 1, run.v, 1, 0, s);
         for (int x = run.begin; x < run.end; ++x) {
           watch.look(x, run.v, 0, -1, s);
           watch.look(x, run.v, 0, 1, s);
-          s.fresh += fresh_seed(verdicts, x, run.v) ? 1 : 0;
         }
       }
       ws.surfaces.push_back(s);
@@ -187,19 +183,24 @@ std::span<const SurfaceOutline> watch_outlines(const Image<float>& depth, const 
   return ws.surfaces;
 }
 
-/// Whether a surface is a mover by its outline.
-/// @param at_rest  keypoints at rest that stand on it
-[[nodiscard]] inline bool outline_moved(const SurfaceOutline& s, std::span<const SurfaceOutline> all,
-                                        const MovedOutlineOptions& options, int at_rest) {
-  if (s.moved < options.moved || !s.moved_by(options.share)) return false;
-  if (s.moved_by(options.sure)) return true;
-  int others = 0, others_moved = 0;
-  for (const SurfaceOutline& o : all) {
-    if (&o == &s || o.moved_by(options.sure)) continue;
-    others += o.cells;
-    others_moved += o.moved;
+/// Parts of a whole that have moved.
+struct MovedShare {
+  int all = 0, moved = 0;
+  void add(bool has_moved) {
+    ++all;
+    moved += has_moved ? 1 : 0;
   }
-  return others_moved <= options.others * others && at_rest <= options.at_rest;
+  [[nodiscard]] double share() const { return all > 0 ? static_cast<double>(moved) / all : 0.0; }
+};
+
+/// What parts of a surface say of all of it, as a log-likelihood ratio of motion. What counts is how much more of it
+/// has moved than of everything else: where all has moved, the pose is wrong.
+/// @param total  of the view, the surface included
+[[nodiscard]] inline float surface_evidence(const MovedShare& own, const MovedShare& total, int least,
+                                            const SurfaceEvidenceOptions& o) {
+  if (own.all < least) return 0;
+  const MovedShare others{total.all - own.all, total.moved - own.moved};
+  return static_cast<float>(std::clamp(o.slope * (own.share() - others.share() - o.share), -o.most_rest, o.most));
 }
 
 }  // namespace dynslam

@@ -6,11 +6,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
-#include <span>
 #include <type_traits>
 #include <vector>
 
@@ -20,62 +18,8 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/image/image_row.hpp"
 #include "dynslam/segment/region_growing.hpp"
-#include "dynslam/segment/valid_depth_share.hpp"
 
 namespace dynslam {
-
-/// What a surface asks for, from its pixels: the share of them from which on all of it moves; above 1: never.
-template <class F>
-concept SurfaceShare = requires(const F& share, std::span<const PixelRun> runs) {
-  { share(runs) } -> std::convertible_to<double>;
-};
-
-/// Makes whole surfaces of parts: where at least `share` of everything that is connected with a part of the
-/// mask (by steps that the criterion allows) is in the mask, all of it is. A mover whose middle still lies
-/// where the mover was shortly before is found at its rims alone; what it stands on outweighs it.
-/// @param depth  [m], invalid = NaN or <= 0
-/// @param mask   in and out: nonzero in the mask; what is added is 255
-/// @param share  of the surface's pixels, by what lies on it
-/// @param limit  share of the valid depth beyond which a surface is none
-/// @return pixels that were added
-template <DepthImage D, OutputLabelImage Mask, class Criterion, SurfaceShare Share>
-std::size_t complete_surfaces(const D& depth, Mask&& mask, const Criterion& criterion, const Share& share,
-                              double limit, RegionGrowingWorkspace& ws) {
-  DYNSLAM_ASSERT(same_size(depth, mask), "the mask has the size of the depth image");
-  ValidDepthShare valid(depth);
-  const detail::NoBarrier nowhere;
-  detail::GrowingField field(depth, nowhere, criterion, ws.words);
-  std::size_t added = 0;
-  for (int v = 0; v < depth.height(); ++v) {
-    for (int u = 0; u < depth.width(); ++u) {
-      if (mask(u, v) == 0 || !field.open(u, v)) continue;
-      ws.runs.clear();
-      const std::size_t size = field.template take_region<Connectivity::four>(u, v, ws.runs);
-      if (valid.exceeded_by(size, limit)) continue;
-      std::size_t on = 0;
-      for (const PixelRun& run : ws.runs) {
-        const auto row = image_row(mask, run.v);
-        for (int x = run.begin; x < run.end; ++x) on += row[x] != 0 ? 1U : 0U;
-      }
-      if (on == size) continue;
-      const double least = share(std::span<const PixelRun>(ws.runs));
-      if (least > 1 || static_cast<double>(on) < least * static_cast<double>(size)) continue;
-      added += size - on;
-      for (const PixelRun& run : ws.runs)
-        detail::fill_run(mask, run, static_cast<typename std::remove_reference_t<Mask>::Pixel>(255));
-    }
-  }
-  return added;
-}
-
-/// The same with one share for all surfaces; above 1: nothing is done.
-template <DepthImage D, OutputLabelImage Mask, class Criterion>
-std::size_t complete_surfaces(const D& depth, Mask&& mask, const Criterion& criterion, double share,
-                              double limit, RegionGrowingWorkspace& ws) {
-  if (share > 1) return 0;
-  return complete_surfaces(
-      depth, mask, criterion, [share](std::span<const PixelRun>) { return share; }, limit, ws);
-}
 
 /// How far a mask reaches into pixels without depth.
 struct UnmeasuredOptions {

@@ -67,20 +67,28 @@ void list(FieldList& f, StaticWeightsOptions<double>& o) {
   f.table("depth_noise", o.depth_noise);
 }
 
-void list(FieldList& f, KeypointSeedOptions& o) {
+void list(FieldList& f, KeypointEvidenceOptions& o) {
+  f("dynamic", o.dynamic, "", "log-likelihood ratio of a keypoint that moves", kNotNegative);
+  f("static", o.is_static, "", "and against motion of a static one", kNotNegative);
+  f("reach", o.reach, "cells", "around a keypoint for which it speaks", kCount);
+  f("edge", o.edge, "",
+    "distance to something nearer, as a share of the image's width, within which a dynamic keypoint does not count",
+    kShare);
+}
+
+void list(FieldList& f, KeypointRegionOptions& o) {
   f("radius", o.radius, "image widths", "distance within which other keypoints count", kShare);
   f("support", o.support, "keypoints", "dynamic keypoints that must be there, itself included", from(1));
-  f("territory", o.territory, "image widths",
-    "how far over its surface a dynamic keypoint speaks against the depth check; 0: never", kShare);
   f("rim", o.rim, "",
-    "distance to something nearer, as a share of the image's width, within which a keypoint counts for no "
-    "body",
+    "distance to something nearer, as a share of the image's width, within which a keypoint does not count",
     kShare);
-  f("body", o.body, "keypoints", "dynamic keypoints that must stand on one surface for that", from(3));
-  f("agreeing", o.agreeing, "", "share of them that must have one motion", kShare);
-  f("body_share", o.body_share, "",
-    "share of a connected surface from which on all of it is the body on it; above 1: never", kPositive);
-  f("outvoting", o.outvoting, "", "moving keypoints per keypoint at rest that it takes there", kPositive);
+}
+
+void list(FieldList& f, PoolingOptions& o) {
+  f("coupling", o.coupling, "", "weight of a neighbour on the same surface", kNotNegative);
+  f("step_base", o.step_base, "m", "step in depth between neighbouring cells of one surface: constant part", kNotNegative);
+  f("step_quad", o.step_quad, "1/m", "growth of that with the square of the depth", kNotNegative);
+  f("sweeps", o.sweeps, "", "over rows and columns", kCount);
 }
 
 void list(FieldList& f, DepthGridOptions& o) {
@@ -109,7 +117,12 @@ void list(FieldList& f, FreeSpaceOptions& o) {
     between(1e-4, 60));
   f("follow_lag", o.follow_lag, "s", "age up to which views, besides the last one, pass their masks on",
     between(0, 60));
-  f("carry", o.carry, "s", "time that a mask survives without new evidence", between(0, 60));
+  f("memory", o.memory, "s", "time in which a belief without new evidence falls to 1/e", between(0.001, 60));
+  f("prior", o.prior, "", "log-odds that a surface moves of which nothing is known", between(-10, 0));
+  f("unseen", o.unseen, "", "confidence in that", between(0.00001, 1));
+  f("violated", o.violated, "", "log-likelihood ratio of a surface where the space was free, per view", kNotNegative);
+  f("supported", o.supported, "", "and against motion, of one that was there already, per view", kNotNegative);
+  f("bound", o.bound, "", "of what all views together say", kNotNegative);
   f("min_depth", o.min_depth, "m", "distance from an earlier camera within which nothing is judged", kNotNegative);
   f("max_depth", o.max_depth, "m", "depth beyond which nothing is judged", kPositive);
   f("depth_time_uncertainty", o.depth_time_uncertainty, "s",
@@ -131,11 +144,6 @@ void list(FieldList& f, MaskGrowingOptions& o) {
     between(-1, 10000));
   f("max_hole", o.max_hole, "cells", "size up to which a hole in a mask is filled", kCount);
   f("max_fraction", o.max_fraction, "", "share of the valid depth above which a region has leaked", kShare);
-  f("whole", o.whole, "", "share of a connected surface from which on all of it moves; above 1: never",
-    between(0, 2));
-  f("still", o.still, "", "the same of one that was on the last mask for the share `was`; above 1: never",
-    between(0, 2));
-  f("was", o.was, "", "share of a surface on the last mask from which `still` counts", kShare);
   f.table("step", o.step);
 }
 
@@ -175,25 +183,35 @@ void list(FieldList& f, MaskDelayOptions& o) {
 }
 
 void list(FieldList& f, MovedOutlineOptions& o) {
-  f("share", o.share, "", "share of a surface's outline that has moved where it is a mover; above 1: never",
-    between(0, 2));
-  f("sure", o.sure, "", "share from which on nothing speaks against that", between(0, 2));
-  f("moved", o.moved, "cells", "least part of an outline that has moved", kCount);
-  f("at_rest", o.at_rest, "", "keypoints at rest on a mover at most, below `sure`", kCount);
-  f("others", o.others, "", "share of the other outlines that may have moved, below `sure`", kShare);
   f("foreground", o.foreground, "",
     "share of a surface's outline beside which something farther is seen from which on it is in the "
     "foreground",
     kShare);
-  f("keypoints", o.keypoints, "",
-    "keypoints on a surface of the foreground from which on they tell that it moves; 0: never", kCount);
-  f("keypoint_share", o.keypoint_share, "", "and the share of all keypoints that they must be", kShare);
-  f("resting", o.resting, "", "share of them that may be at rest then", kShare);
-  f("still", o.still, "cells", "outline that shows, by not having moved, that its surface rests; 0: never",
-    kCount);
+  f("least", o.least, "cells", "least outline of such a surface", kCount);
   f("surface", o.surface, "cells", "smallest surface", kCount);
   f("gap", o.gap, "cells", "without depth between a surface and what lies behind it, at most", kCount);
   f("beside", o.beside, "cells", "beside an outline in which what has gone or come is looked for", kCount);
+}
+
+void list(FieldList& f, SurfaceEvidenceOptions& o) {
+  f("share", o.share, "", "share by which more of a surface must have moved than of the others", between(0, 2));
+  f("slope", o.slope, "", "log-likelihood ratio per share beyond that", kNotNegative);
+  f("most", o.most, "", "greatest log-likelihood ratio for motion", kNotNegative);
+  f("most_rest", o.most_rest, "", "and for rest", kNotNegative);
+  f("perimeter", o.perimeter, "", "least outline of a surface of n cells, in sqrt(n) sides", kNotNegative);
+  f("outline", o.outline, "cells", "least outline that is evidence", kCount);
+  f("keypoints", o.keypoints, "", "least keypoints that are", kCount);
+}
+
+void list(FieldList& f, MotionBeliefOptions& o) {
+  f("most", o.most, "", "largest log-odds of motion", kPositive);
+  f("min_region", o.min_region, "cells", "size below which a dynamic region is dropped", kCount);
+  f("max_hole", o.max_hole, "cells", "size up to which a hole in a dynamic region is filled", kCount);
+  f.table("free_space", o.free_space);
+  f.table("keypoints", o.keypoints);
+  f.table("outlines", o.outlines);
+  f.table("surfaces", o.surfaces);
+  f.table("pooling", o.pooling);
 }
 
 void list(FieldList& f, MotionSegmenterOptions<double>& o) {
@@ -202,10 +220,9 @@ void list(FieldList& f, MotionSegmenterOptions<double>& o) {
   // left out: locating: the tracker gives the pose
   f.table("reference", o.reference);
   f.table("weights", o.weights);
-  f.table("keypoint_seeds", o.keypoint_seeds);
   f.table("grid", o.grid);
-  f.table("free_space", o.free_space);
-  f.table("outlines", o.outlines);
+  f.table("belief", o.belief);
+  f.table("regions", o.regions);
   f.table("growing", o.growing);
   f.table("unmeasured", o.unmeasured);
   f.table("delay", o.delay);

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "dynslam/push_macros.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "dynslam/dynamics/depth_grid.hpp"
+#include "dynslam/dynamics/free_space.hpp"
+#include "dynslam/dynamics/motion.hpp"
+#include "dynslam/image/image.hpp"
+#include "dynslam/segment/connected_components.hpp"
+#include "dynslam/segment/mask_growing.hpp"
+
+namespace dynslam {
+
+/// Which dynamic keypoints start the paper's region growing.
+struct KeypointRegionOptions {
+  double radius = 1 / 16.0;  ///< how near others count, as a share of the image's width
+  int support = 8;  ///< dynamic ones that must be there, itself included, and not fewer than static ones
+  /// How near to something nearer, as a share of the image's width, a keypoint's patch may show the other's rim.
+  double rim = 1 / 80.0;
+};
+
+/// The paper's geometric mask (Sec. 3.3): regions of the depth image grown from dynamic keypoints. A region that holds
+/// as many static keypoints as dynamic ones has leaked, and is dropped. Memory is kept between frames.
+template <std::floating_point S>
+class KeypointRegions {
+ public:
+  /// @param depth  of the cells [m]
+  /// @param mask   out: 255 in regions
+  MaskGrowingResult find(std::span<const JudgedMatch<S>> matches, const DepthGrid& grid, const Image<float>& depth,
+                         const KeypointRegionOptions& options, const FreeSpaceMargins<float>& margins,
+                         const MaskGrowingOptions& growing, Image<std::uint8_t>& mask) {
+    const S radius = S(options.radius * grid.image_width());
+    const int rim = static_cast<int>(std::lround(options.rim * grid.width()));
+    const int w = grid.width(), h = grid.height();
+    for (auto* image : {&seed_, &barrier_}) {
+      image->resize(w, h);
+      image->fill(0);
+    }
+    for (const JudgedMatch<S>& m : matches) {
+      const int c = grid.cell_at(static_cast<float>(m.x_m.x()), static_cast<float>(m.x_m.y()));
+      if (c < 0 || !m.dynamic) continue;
+      const int i = c % w, j = c / w;
+      int near = 0, near_static = 0;
+      for (const JudgedMatch<S>& other : matches) {
+        if ((other.x_m - m.x_m).cwiseAbs().maxCoeff() > radius) continue;
+        ++(other.dynamic ? near : near_static);
+      }
+      if (near < near_static || near < options.support || beside_nearer(depth, i, j, rim, margins)) continue;
+      for (int y = std::max(0, j - 1); y <= std::min(h - 1, j + 1); ++y) {
+        for (int x = std::max(0, i - 1); x <= std::min(w - 1, i + 1); ++x) seed_(x, y) = 1;
+      }
+    }
+    const MaskGrowingResult result = grow_mask(depth, seed_, barrier_, mask, growing, workspace_);
+    if (result.seeds > 0) drop_static(matches, grid, mask);
+    return result;
+  }
+
+ private:
+  void drop_static(std::span<const JudgedMatch<S>> matches, const DepthGrid& grid, Image<std::uint8_t>& mask) {
+    const int n = connected_components(mask, Connectivity::four, regions_, sizes_, components_);
+    votes_.assign(static_cast<std::size_t>(n) + 1, 0);
+    for (const JudgedMatch<S>& m : matches) {
+      const int c = grid.cell_at(static_cast<float>(m.x_m.x()), static_cast<float>(m.x_m.y()));
+      if (c >= 0) votes_[static_cast<std::size_t>(regions_.data()[c])] += m.dynamic ? 1 : -1;
+    }
+    for (std::size_t c = 0; c < grid.cells(); ++c) {
+      if (votes_[static_cast<std::size_t>(regions_.data()[c])] <= 0) mask.data()[c] = 0;
+    }
+  }
+
+  Image<std::uint8_t> seed_, barrier_;
+  MaskGrowingWorkspace workspace_;
+  Image<int> regions_;
+  std::vector<int> sizes_, votes_;
+  ComponentsWorkspace components_;
+};
+
+}  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"
