@@ -12,6 +12,7 @@
 #include "format_options.hpp"
 #include "progress_line.hpp"
 #include "validators.hpp"
+#include "warnings.hpp"
 
 namespace dynslam::app {
 
@@ -26,7 +27,8 @@ struct ConvertCommand::Options {
 ConvertCommand::ConvertCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   Options& o = *o_;
   o.command = app.add_subcommand("convert", "Write a sequence of any format as a TUM folder");
-  o.command->add_option("sequence", o.sequence, "Folder of a sequence, or a ROS 1 bag")->required();
+  o.command->add_option("sequence", o.sequence, "Folder of a sequence, or a recording of ROS 1 or 2")
+      ->required();
   o.command->add_option("out", o.out, "New folder")->required();
   add_format_options(*o.command, o.reading.format, o.reading.topics, o.reading.rate);
   add_camera_option(*o.command, o.camera);
@@ -51,6 +53,7 @@ int ConvertCommand::run() const {
   runtime::SequenceOptions reading = o_->reading;
   reading.camera = o_->camera;
   const runtime::Sequence sequence = runtime::load_sequence(o_->sequence, reading);
+  warn(sequence.missing);
   runtime::ConvertOptions options;
   options.every = o_->every;
   if (!o_->size.empty()) std::tie(options.size.width, options.size.height) = parse_image_size(o_->size);

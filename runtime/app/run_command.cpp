@@ -29,6 +29,7 @@
 #include "segmentation_options.hpp"
 #include "validators.hpp"
 #include "view_window.hpp"
+#include "warnings.hpp"
 
 namespace dynslam::app {
 namespace {
@@ -107,7 +108,7 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
 
 void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_out) {
   app.add_option("sequence", o.sequence,
-                 "Folder of a sequence: TUM, 7-Scenes, ... (see --format), or a ROS 1 bag")
+                 "Folder of a sequence: TUM, 7-Scenes, ... (see --format), or a recording of ROS 1 or 2")
       ->required();
   app.add_option("--out,-o", o.out, fmt::format("Folder for the results (default: {})", default_out));
   add_camera_option(app, o.camera);
@@ -221,8 +222,8 @@ int run_sequence(const rt::RunOptions& options, bool with_view) {
   rt::Sequence sequence;
   const auto opened = [&](const rt::Sequence& found, const rt::CameraConfig& camera) {
     sequence = found;
-    for (const std::string& doubt : rt::camera_doubts(found, camera))
-      std::cerr << "dynslam: warning: " << doubt << '\n';
+    warn(found.missing);
+    warn(rt::camera_doubts(found, camera));
     if (view) view->live.open(found, camera);
   };
   const rt::RunSummary summary = [&] {

@@ -152,7 +152,7 @@ TEST_CASE("what the program says of bags") {
   CHECK(mentions(call("info " + FormatFixture("tum").root.string() + " --topics /a,/b").out,
                  "--topics is for bags"));
   test::write_file(bag.path / "notes.txt", "no bag\n");
-  CHECK(mentions(load_error(bag.path / "notes.txt"), "is neither a folder nor a ROS 1 bag"));
+  CHECK(mentions(load_error(bag.path / "notes.txt"), "is neither a folder nor a recording of ROS"));
 }
 
 TEST_CASE("topics that may be meant are listed, and --topics chooses") {

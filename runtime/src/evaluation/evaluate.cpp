@@ -61,7 +61,8 @@ struct Truth {
 
 /// @param groundtruth  a file in TUM format, the folder of a sequence, or a bag
 Truth read_truth(const fs::path& groundtruth, const SequenceOptions& options) {
-  const bool sequence_file = options.format == "bag" || !formats_of(groundtruth).empty();
+  const bool sequence_file =
+      options.format == "bag" || options.format == "ros2" || !formats_of(groundtruth).empty();
   if (!fs::is_directory(groundtruth) && !sequence_file)
     return {read_trajectory(groundtruth), groundtruth.string()};
   Sequence sequence = load_sequence(groundtruth, options);

@@ -194,6 +194,7 @@ SequenceReport inspect_sequence(const fs::path& root, const InspectOptions& opti
   reading.camera = options.camera;
   report.sequence = load_sequence(root, reading);
   const Sequence& sequence = report.sequence;
+  report.odd = sequence.missing;
   find_camera(options, report);
   report.stamps = inspect::measure_stamps(sequence);
   report.colour_size =

@@ -19,9 +19,12 @@ namespace {
 namespace fs = std::filesystem;
 using formats::Format;
 
-constexpr std::array<const Format*, 9> kFormats{
+constexpr std::array<const Format*, 10> kFormats{
     &formats::kTum,     &formats::kBonn,    &formats::kEth3d,   &formats::kIclNuim, &formats::kSevenScenes,
-    &formats::kReplica, &formats::kScanNet, &formats::kRedwood, &formats::kBag};
+    &formats::kReplica, &formats::kScanNet, &formats::kRedwood, &formats::kBag,     &formats::kRos2};
+
+/// Those that may be a file.
+constexpr std::array<const Format*, 2> kRecordings{&formats::kBag, &formats::kRos2};
 
 std::string names() {
   std::string text;
@@ -71,10 +74,14 @@ const Format& format_by_looking(const fs::path& root) {
 
 const Format& format_of(const fs::path& root, const std::string& name) {
   const bool folder = fs::is_directory(root);
-  if (name == formats::kBag.name) return formats::kBag;  // which says itself what is no bag
+  for (const Format* recording : kRecordings) {
+    if (name == recording->name) return *recording;  // which says itself what is none
+  }
   if (!folder && name.empty() && fs::exists(root)) {
-    if (formats::kBag.matches(root)) return formats::kBag;
-    throw InputError(root.string(), 0, "is neither a folder nor a ROS 1 bag");
+    for (const Format* recording : kRecordings) {
+      if (recording->matches(root)) return *recording;
+    }
+    throw InputError(root.string(), 0, "is neither a folder nor a recording of ROS (.bag, .mcap, .db3)");
   }
   if (!folder) throw InputError(root.string(), 0, "is not a folder");
   return name.empty() ? format_by_looking(root) : format_by_name(name);
@@ -100,7 +107,8 @@ Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
   if (!(options.rate > 0 && options.rate <= 1e6))
     throw UsageError(fmt::format("a rate of {} frames per second is none", options.rate));
   const Format& format = format_of(root, options.format);
-  if (!options.topics.empty() && &format != &formats::kBag)
+  if (!options.topics.empty() &&
+      std::find(kRecordings.begin(), kRecordings.end(), &format) == kRecordings.end())
     throw UsageError(fmt::format("--topics is for bags; {} is of the format {}", root.string(), format.name));
   Sequence sequence = format.load(root, options);
   sequence.format = std::string(format.name);

@@ -41,11 +41,10 @@ std::string oracle(const std::string& arguments) {
 std::string own_list(const std::filesystem::path& path) {
   const bag::BagFile file(std::make_unique<bag::FileBytes>(path));
   std::string list;
-  file.scan([&](std::uint32_t id, const bag::Place& place) {
+  file.scan([&](const bag::Connection& connection, const bag::Place& place) {
     const auto bytes = file.read(place);
     std::uint32_t sum = 0;
     for (const std::uint8_t byte : bytes) sum = 31 * sum + byte;
-    const bag::Connection& connection = file.connections().at(id);
     list += fmt::format("{} {} {} {}\n", connection.topic, connection.type, bytes.size(), sum);
   });
   return list;

@@ -25,7 +25,7 @@ struct Format {
   Sequence (*load)(const std::filesystem::path& root, const SequenceOptions& options);
 };
 
-extern const Format kTum, kBonn, kEth3d, kIclNuim, kSevenScenes, kReplica, kScanNet, kRedwood, kBag;
+extern const Format kTum, kBonn, kEth3d, kIclNuim, kSevenScenes, kReplica, kScanNet, kRedwood, kBag, kRos2;
 
 /// The name of a folder, also where the path ends in a slash or is a dot.
 [[nodiscard]] std::string folder_name(const std::filesystem::path& root);

@@ -44,9 +44,10 @@ struct Sequence {
   std::filesystem::path truth_file{};  ///< file or folder of the ground truth
   std::vector<double> colour_times{}, depth_times{};  ///< of all images, those without a partner, too [s]
   std::string topics{};                               ///< of a bag, "COLOUR,DEPTH", as chosen
-  std::string truth_missing{};  ///< why there is no ground truth, where the format knows
-  double depth_units = 0;       ///< per metre, of a camera that does not say so; 0: as load_camera() has it
-  bool has_stamps = true;       ///< times are recorded; else they are frame number / rate
+  std::vector<std::string> missing{};  ///< of a recording that was cut off or not closed, a line each
+  std::string truth_missing{};         ///< why there is no ground truth, where the format knows
+  double depth_units = 0;  ///< per metre, of a camera that does not say so; 0: as load_camera() has it
+  bool has_stamps = true;  ///< times are recorded; else they are frame number / rate
 };
 
 /// How a sequence is read.
@@ -64,7 +65,7 @@ struct SequenceOptions {
 struct SequenceFormat {
   std::string_view name, files;
 };
-/// All formats: tum, bonn, eth3d, icl-nuim, 7-scenes, replica, scannet, redwood, bag. See
+/// All formats: tum, bonn, eth3d, icl-nuim, 7-scenes, replica, scannet, redwood, bag, ros2. See
 /// docs/your-own-data.md.
 [[nodiscard]] std::vector<SequenceFormat> sequence_formats();
 /// The formats that a folder, or a file, looks like; more than one where it holds the files of several.
