@@ -49,7 +49,9 @@ struct BagSurvey {
   std::vector<ImageTopic> images;  ///< by name
   std::map<std::string, InfoTopic> infos;
   std::vector<PoseTrack> tracks;
-  std::string pose_fault;  ///< why poses cannot be trusted; empty: they can
+  std::string pose_fault;          ///< why poses cannot be trusted; empty: they can
+  std::size_t poses_left_out = 0;  ///< messages that hold none
+  std::string first_left_out;      ///< place and reason of the first
 };
 
 /// Goes through the whole bag once. @throws InputError
