@@ -38,7 +38,7 @@ bool ReadoutCommand::chosen() const {
 
 int ReadoutCommand::run() const {
   const runtime::Sequence sequence = runtime::load_sequence(o_->sequence, o_->reading);
-  warn(sequence.missing);
+  warn(sequence.notes);
   const runtime::CameraConfig camera = runtime::camera_of(sequence, o_->reading.camera);
   const runtime::ReadoutReport report =
       runtime::measure_readout(sequence, camera, [&](const runtime::ReadoutTrial& trial) {

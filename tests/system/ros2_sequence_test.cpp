@@ -92,7 +92,7 @@ TEST_CASE("MCAP files, databases and folders give the sequence and the trajector
     CHECK(formats_of(recording) == std::vector<std::string>{"ros2"});
     const Sequence sequence = load_sequence(recording);
     CHECK(sequence.format == "ros2");
-    CHECK(sequence.missing.empty());
+    CHECK(sequence.notes.empty());
     check_same(sequence, expected);
     CHECK(trajectory_of(recording, folder.path / ("out_" + recording.filename().string())) == trajectory);
   }

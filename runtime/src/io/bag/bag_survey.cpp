@@ -59,11 +59,7 @@ class Surveyor {
     } else if (connection.type == kCameraInfo) {
       add_info(connection, place, *how);
     } else if (holds_poses(connection.type) && result_.pose_fault.empty()) {
-      try {
-        add_poses(connection, place, *how);
-      } catch (const InputError& error) {  // the images do not need them
-        result_.pose_fault = error.what();
-      }
+      add_poses(connection, place, *how);
     }
   }
 
@@ -100,9 +96,15 @@ class Surveyor {
   }
 
   void add_poses(const Connection& connection, const Place& place, Serialisation how) {
-    const auto bytes = bag_.read(place);
     const bool transforms = holds_transforms(connection.type);
-    for (PoseMessage& pose : parse_poses(bytes, connection.type, name_of(connection, place), how)) {
+    std::vector<PoseMessage> poses;
+    try {
+      poses = parse_poses(bag_.read(place), connection.type, name_of(connection, place), how);
+    } catch (const InputError& error) {  // a marker that was lost, say; the images do not need it
+      if (result_.poses_left_out++ == 0) result_.first_left_out = error.what();
+      return;
+    }
+    for (const PoseMessage& pose : poses) {
       PoseTrack& track = tracks_[{transforms ? "" : connection.topic, pose.header.frame, pose.child}];
       if (track.poses.empty()) {
         track.topic = connection.topic;
@@ -112,14 +114,16 @@ class Surveyor {
       }
       track.poses.emplace_back(nanoseconds(pose.header), pose.T_parent_child);
       constexpr std::size_t kMost = 2000000;  // 150 MB
-      if (++poses_ > kMost) throw InputError(bag_.name(), 0, fmt::format("holds more than {} poses", kMost));
+      if (++poses_ <= kMost) continue;
+      result_.pose_fault = fmt::format("{}: holds more than {} poses", bag_.name(), kMost);
+      return;
     }
   }
 
   /// By the time in the header: messages of one topic may be recorded in another order.
   void sort_shots(ImageTopic& topic) const {
-    std::sort(topic.shots.begin(), topic.shots.end(),
-              [](const Shot& a, const Shot& b) { return a.stamp < b.stamp; });
+    std::stable_sort(topic.shots.begin(), topic.shots.end(),
+                     [](const Shot& a, const Shot& b) { return a.stamp < b.stamp; });
   }
 
   const Recording& bag_;

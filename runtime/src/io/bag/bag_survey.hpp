@@ -52,6 +52,8 @@ struct BagSurvey {
   std::map<std::string, InfoTopic> infos;
   std::vector<PoseTrack> tracks;
   std::string pose_fault;            ///< why poses cannot be trusted; empty: they can
+  std::size_t poses_left_out = 0;    ///< messages that hold none
+  std::string first_left_out;        ///< place and reason of the first
   std::set<std::string> not_read;    ///< encodings of messages that are not read
   std::vector<std::string> missing;  ///< of the recording, a line each
 };

@@ -71,27 +71,66 @@ bool whole_microseconds(const bag::ImageTopic& topic) {
                      [](const bag::Shot& shot) { return shot.stamp % 1000 == 0; });
 }
 
-/// As a list of TUM's has them. @throws InputError for times that are none
-std::vector<double> times_of(const bag::ImageTopic& topic, const std::string& file, double offset) {
-  std::vector<double> times;
-  const std::uint64_t* before = nullptr;
-  for (const bag::Shot& shot : topic.shots) {
-    const std::string stamp = bag::stamp_text(shot.stamp, false);
-    const std::string name = fmt::format("{}: {}", file, topic.name);
-    if (shot.stamp == 0) throw InputError(name, 0, "an image has no time in its header");
-    if (before != nullptr && *before == shot.stamp)
-      throw InputError(name, 0, fmt::format("two images have the time {} s", stamp));
-    before = &shot.stamp;
-    times.push_back(parse_number(stamp).value_or(0) - offset);
+/// The topic without images whose time is that of the one before: messages that were recorded twice.
+bag::ImageTopic without_repeats(const bag::ImageTopic& topic, const std::string& file, Sequence& sequence) {
+  const auto same = [](const bag::Shot& a, const bag::Shot& b) { return a.stamp == b.stamp; };
+  const std::size_t count = topic.shots.size();
+  if (count > 1 && topic.shots.front().stamp == 0 && topic.shots.back().stamp == 0)
+    throw InputError(fmt::format("{}: {}", file, topic.name), 0, "no image has a time in its header");
+  bag::ImageTopic result = topic;
+  const auto first = std::adjacent_find(topic.shots.begin(), topic.shots.end(), same);
+  if (first == topic.shots.end()) return result;
+  result.shots.erase(std::unique(result.shots.begin(), result.shots.end(), same), result.shots.end());
+  sequence.notes.push_back(
+      fmt::format("{} of {} images of {} have the time of the one before and are left out, the "
+                  "first at {} s",
+                  count - result.shots.size(), count, topic.name, bag::stamp_text(first->stamp, false)));
+  return result;
+}
+
+/// Floats are metres (REP 118). Where the middle of three images is farther than any depth camera sees, they
+/// are in the camera's units instead, as 16-bit depth is: millimetres, mostly.
+void judge_float_depth(const bag::ImageTopic& depth, const ImageSource& images, Sequence& sequence) {
+  constexpr double kFarthest = 50;  // metres
+  std::vector<float> values;
+  for (const std::size_t k : {std::size_t(0), depth.shots.size() / 2, depth.shots.size() - 1}) {
+    try {
+      const cv::Mat image = images.read(ImageSource::Kind::depth, k);
+      if (image.type() != CV_32FC1) return;
+      constexpr int kStep = 5;  // pixels
+      for (int v = 0; v < image.rows; v += kStep) {
+        for (int u = 0; u < image.cols; u += kStep)
+          if (image.at<float>(v, u) > 0) values.push_back(image.at<float>(v, u));
+      }
+    } catch (const InputError&) {  // a broken frame is the run's to report
+    }
   }
+  sequence.float_depth = !values.empty();
+  if (values.empty()) return;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  if (!(double(*middle) > kFarthest)) return;
+  for (FrameRecord& frame : sequence.frames) frame.float_units = true;
+  sequence.notes.push_back(
+      fmt::format("half of the float depth of {} is beyond {:.0f}, too far for metres: it is read in "
+                  "the camera's depth units per metre, as 16-bit depth is (1000: millimetres)",
+                  depth.name, *middle));
+}
+
+/// As a list of TUM's has them.
+std::vector<double> times_of(const bag::ImageTopic& topic, double offset) {
+  std::vector<double> times;
+  for (const bag::Shot& shot : topic.shots)
+    times.push_back(parse_number(bag::stamp_text(shot.stamp, false)).value_or(0) - offset);
   return times;
 }
 
 void pair_images(Sequence& sequence, std::shared_ptr<const bag::Recording> file,
                  const bag::ChosenTopics& topics, const SequenceOptions& options) {
-  const bag::ImageTopic &colour = *topics.colour, &depth = *topics.depth;
-  sequence.colour_times = times_of(colour, file->name(), 0);
-  sequence.depth_times = times_of(depth, file->name(), depth_time_offset(sequence, options));
+  const bag::ImageTopic colour = without_repeats(*topics.colour, file->name(), sequence),
+                        depth = without_repeats(*topics.depth, file->name(), sequence);
+  sequence.colour_times = times_of(colour, 0);
+  sequence.depth_times = times_of(depth, depth_time_offset(sequence, options));
   const bool micro = whole_microseconds(colour);
   const auto path = [&](const bag::ImageTopic& topic, std::size_t i) {
     return fs::path(fmt::format("{}: {} at {} s", file->name(), topic.name,
@@ -112,6 +151,7 @@ void pair_images(Sequence& sequence, std::shared_ptr<const bag::Recording> file,
     record.depth_number = j;
     sequence.frames.push_back(std::move(record));
   }
+  judge_float_depth(depth, *images, sequence);
   if (sequence.frames.empty())
     throw InputError(
         file->name(), 0,
@@ -130,13 +170,16 @@ Sequence load_recording(std::shared_ptr<const bag::Recording> file, const fs::pa
   const bag::ChosenTopics topics = bag::choose_topics(survey, options.topics);
   Sequence sequence;
   sequence.root = root;
-  sequence.missing = survey.missing;
+  sequence.notes = survey.missing;
   sequence.topics = topics.colour->name + "," + topics.depth->name;
   constexpr double kMillimetres = 1000;  // REP 118
   sequence.depth_units = kMillimetres;
   const std::string stem = fs::is_directory(root) ? folder_name(root) : root.stem().string();
   sequence.folder_camera = stem.starts_with("rgbd_bonn") ? "bonn" : camera_by_name(stem);
   bag::InfoCamera info = bag::camera_beside(survey, *topics.colour);
+  // Depth in the colour images' frame is seen by the same camera.
+  if (!info.camera && topics.depth->frame == topics.colour->frame)
+    info = bag::camera_beside(survey, *topics.depth);
   sequence.camera = std::move(info.camera);
   if (sequence.camera) {
     sequence.camera_source = "CameraInfo";  // the topic is its name
@@ -148,6 +191,9 @@ Sequence load_recording(std::shared_ptr<const bag::Recording> file, const fs::pa
   sequence.groundtruth = std::move(truth.poses);
   sequence.truth_missing = std::move(truth.missing);
   if (!sequence.groundtruth.empty()) sequence.truth_file = root.string() + ": " + truth.source;
+  if (survey.poses_left_out > 0)
+    sequence.notes.push_back(fmt::format("ground truth: {} messages are left out; the first: {}",
+                                         survey.poses_left_out, survey.first_left_out));
   return sequence;
 }
 
