@@ -54,17 +54,21 @@ TEST_CASE("a byte order mark is no part of a text, and UTF-16 is named") {
       {"camera in YAML",
        [](const fs::path& root) {
          write_text(root / "own.yaml",
-                    std::string(kMark) +
-                        "image_width: 320\nimage_height: 240\nK: [267.7, 0, 159.8, 0, 269.6, "
-                        "123.55, 0, 0, 1]\ndepth_units_per_metre: 5000\n");
+                    "image_width: 320\nimage_height: 240\nK: [267.7, 0, 159.8, 0, 269.6, "
+                    "123.55, 0, 0, 1]\ndepth_units_per_metre: 5000\n");
+         mark(root / "own.yaml");
        },
        "run SEQ --camera SEQ/own.yaml --dynamics none --no-map --out OUT", 0, kTracked},
       {"configuration",
-       [](const fs::path& root) { write_text(root / "c.toml", std::string(kMark) + "seed = 3\n"); },
+       [](const fs::path& root) {
+         write_text(root / "c.toml", "seed = 3\n");
+         mark(root / "c.toml");
+       },
        "run SEQ --config SEQ/c.toml --dynamics none --no-map --out OUT", 0, kTracked},
       {"sweep",
        [](const fs::path& root) {
-         write_text(root / "s.toml", std::string(kMark) + "sequences = [\".\"]\nmodes = [\"none\"]\n");
+         write_text(root / "s.toml", "sequences = [\".\"]\nmodes = [\"none\"]\n");
+         mark(root / "s.toml");
        },
        "sweep SEQ/s.toml --out OUT --gather",
        1,
