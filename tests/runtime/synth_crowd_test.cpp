@@ -86,13 +86,18 @@ class TrueFrame {
   const CameraConfig& camera_;
 };
 
-/// The lowest pixel of each person.
-std::map<int, cv::Point> lowest_pixels(const TrueFrame& frame) {
-  std::map<int, cv::Point> lowest;
-  frame.each([&](int u, int v) {  // rows from above
-    if (frame.label_at(u, v) == Label::person) lowest[frame.instance_at(u, v)] = {u, v};
+/// Of each person the pixel nearest to the floor that has floor below it: of the foot that stands. The other
+/// one is lifted.
+std::map<int, cv::Point> standing_feet(const TrueFrame& frame) {
+  std::map<int, cv::Point> feet;
+  frame.each([&](int u, int v) {
+    if (frame.label_at(u, v) != Label::person || v + 1 >= frame.depth.rows) return;
+    if (frame.label_at(u, v + 1) != Label::background || frame.world(u, v + 1).z() > 0.01) return;
+    const auto [found, is_new] = feet.try_emplace(frame.instance_at(u, v), u, v);
+    if (!is_new && frame.world(u, v).z() < frame.world(found->second.x, found->second.y).z())
+      found->second = {u, v};
   });
-  return lowest;
+  return feet;
 }
 
 /// How far to the right the seat of the chair that is pushed reaches [m].
@@ -112,29 +117,24 @@ TEST_CASE("a crowd walks on the floor in view of every gentle path: soles and fl
   for (const char* path : {"static", "xyz", "halfsphere"}) {
     CAPTURE(path);
     const CrowdSequence crowd(path, 16, 2);
-    int people = 0, feet = 0;
+    std::size_t feet = 0, on_floor = 0;
     for (std::size_t i = 0; i < 16; ++i) {
       CAPTURE(i);
       const TrueFrame frame(crowd, i);
       CHECK(frame.T_w_c.translation().z() > 1.2);
       CHECK(frame.T_w_c.translation().z() < 1.6);
-      for (const auto& [instance, pixel] : lowest_pixels(frame)) {
+      for (const auto& [instance, pixel] : standing_feet(frame)) {
         CAPTURE(instance);
         const double z = static_cast<double>(frame.depth.at<float>(pixel.y, pixel.x));
+        const double below = static_cast<double>(frame.depth.at<float>(pixel.y + 1, pixel.x));
         CHECK(z > 2.2);
         CHECK(z < 5);
-        ++people;
-        if (pixel.y + 1 >= frame.depth.rows) continue;
-        const double below = static_cast<double>(frame.depth.at<float>(pixel.y + 1, pixel.x));
-        if (frame.label_at(pixel.x, pixel.y + 1) != Label::background) continue;  // the chair hides the feet
-        CHECK(std::abs(frame.world(pixel.x, pixel.y + 1).z()) < 0.01);
-        CHECK(frame.world(pixel.x, pixel.y).z() < 0.05);
-        CHECK(std::abs(z - below) < 0.06);
         ++feet;
+        on_floor += frame.world(pixel.x, pixel.y).z() < 0.03 && std::abs(z - below) < 0.06 ? 1 : 0;
       }
     }
-    CHECK(people >= 3 * 14);  // two walkers and one with a chair, of whom one may turn at the rim
-    CHECK(feet > people * 8 / 10);
+    CHECK(feet >= 3 * 14);             // two walkers and one with a chair, of whom one may turn at the rim
+    CHECK(on_floor >= feet * 9 / 10);  // a chair or somebody else may hide the foot that stands
   }
 }
 
@@ -186,16 +186,18 @@ TEST_CASE("of a crowd the truth masks people always, the chair while it moves, a
 }
 
 TEST_CASE("hands of a crowd touch the counter, which stays static") {
-  const CrowdSequence crowd("xyz", 20, 4);
+  constexpr std::size_t kFrames = 40;
+  const CrowdSequence crowd("xyz", static_cast<int>(kFrames), 8);
   int touching = 0;
-  for (std::size_t i = 0; i < 20; ++i) {
+  for (std::size_t i = 0; i < kFrames; ++i) {
     const TrueFrame frame(crowd, i);
     bool touches = false;
     frame.each([&](int u, int v) {
       if (v + 1 >= frame.depth.rows || frame.label_at(u, v) != Label::person) return;
       if (frame.label_at(u, v + 1) != Label::background) return;
       const Eigen::Vector3d hand = frame.world(u, v), counter = frame.world(u, v + 1);
-      if (std::abs(counter.z() - kCounterTop) > 0.01 || (hand - counter).norm() > 0.03) return;
+      constexpr double kPixel = 0.08;  // m, along the counter's top
+      if (std::abs(counter.z() - kCounterTop) > 0.01 || (hand - counter).norm() > kPixel) return;
       touches = true;
       CHECK_FALSE(frame.moves(u, v + 1));
     });
