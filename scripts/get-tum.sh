@@ -117,14 +117,27 @@ ask_sum() {
   [[ -z $said_by || $sum =~ ^[0-9a-f]{64}$ ]] || fail "$said_by: '$sum' is no SHA-256 of 64 digits 0-9 a-f"
 }
 
-# Unpacks beside the place and renames: the folder is there when all of it is.
+# refuse REASON: the archive is not what it should be, however often it is fetched.
+refuse() {
+  rm -f "$part"
+  fail "$archive $*; it was removed"
+}
+
+# Unpacks beside the place and renames: the folder is there when all of it is. It holds plain files and folders alone,
+# with the modes of this user's own: an archive may name devices, links out of the folder and setuid programs.
 unpack() {
+  local other=
   mkdir "$work/unpacked"
+  [[ $archive != *.tgz ]] || other=$(tar -tvzf "$part" 2> /dev/null | grep -m 1 -v '^[-d]') || true
+  [ -z "$other" ] || refuse "holds what is no plain file: $(printf %q "$other")"
   case $archive in
-    *.tgz) tar -xzf "$part" --no-same-owner -C "$work/unpacked" ;;
+    *.tgz) tar -xzf "$part" --no-same-owner --no-same-permissions -C "$work/unpacked" ;;
     *.zip) unzip -qq "$part" -d "$work/unpacked" ;;
   esac 2> "$work/log" || fail "could not unpack $archive into $out ($(tail -n 1 "$work/log"))"
-  [ -f "$work/unpacked/$name/rgb.txt" ] || { rm "$part"; fail "$archive has no $name/rgb.txt; it was removed"; }
+  other=$(find "$work/unpacked" ! -type f ! -type d -print -quit)
+  [ -z "$other" ] || refuse "holds what is no plain file: $(printf %q "${other#"$work/unpacked/"}")"
+  chmod -R a-st,u+rwX "$work/unpacked"
+  [ -f "$work/unpacked/$name/rgb.txt" ] || refuse "has no $name/rgb.txt"
   mv -T "$work/unpacked/$name" "$out/$name"
 }
 

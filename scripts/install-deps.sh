@@ -10,7 +10,7 @@ set -euo pipefail
 
 app=(build-essential cmake ninja-build ccache curl ca-certificates
   libeigen3-dev libopencv-dev liboctomap-dev libcli11-dev nlohmann-json3-dev libfmt-dev libjpeg-dev libdeflate-dev
-  libbz2-dev liblz4-dev file)  # file: cpack asks it which files are programs
+  libbz2-dev liblz4-dev libzstd-dev libsqlite3-dev file)  # file: cpack asks it which files are programs
 development=(git clang doctest-dev libbenchmark-dev libceres-dev libopencv-contrib-dev
   pkg-config python3 unzip doxygen libjs-mathjax parallel)
 # For one test each (the first with 60 packages of ROS and Boost), and not in every release: taken where apt has them.

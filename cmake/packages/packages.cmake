@@ -58,6 +58,12 @@ endif()
 if(LZ4_FOUND)
   list(APPEND runtime_needs liblz4-dev)
 endif()
+if(Zstd_FOUND)
+  list(APPEND runtime_needs libzstd-dev)
+endif()
+if(SQLite3_FOUND)
+  list(APPEND runtime_needs libsqlite3-dev)
+endif()
 if(ONNXRuntime_FOUND AND NOT onnxruntime_installed)
   list(APPEND runtime_needs libonnxruntime-dev)
 endif()
@@ -77,7 +83,7 @@ set(CPACK_DEBIAN_DYNSLAM_DESCRIPTION "RGB-D SLAM for dynamic scenes, the program
 Tracks the camera of an RGB-D sequence, finds what moves with or without a
 segmentation network, and builds a labelled octree map of what stays. Reads
 TUM, Bonn, ETH3D, ICL-NUIM, 7-Scenes, Replica, ScanNet and Redwood sequences
-and ROS 1 bags.")
+and recordings of ROS 1 and 2 (.bag, .mcap, .db3).")
 
 set(CPACK_COMPONENTS_ALL)
 foreach(group IN LISTS package_groups)

@@ -109,7 +109,7 @@ std::vector<std::string> arguments(int argc, const char* const* argv) {
     const auto end = word + (joined ? 1 : 2);
     // CLI11 opens the file as a stream, which waits for pipes and takes an error of reading for the end.
     const std::string name = joined ? word->substr(std::string_view("--config=").size()) : *(word + 1);
-    (void)runtime::read_file(name);
+    (void)runtime::read_text(name);
     config.insert(config.end(), word, end);
     word = words.erase(word, end);
   }
@@ -119,7 +119,7 @@ std::vector<std::string> arguments(int argc, const char* const* argv) {
         ++word;
         continue;
       }
-      (void)runtime::read_file(*word);
+      (void)runtime::read_text(*word);
       config.insert(config.end(), {"--config", *word});
       word = words.erase(word);
     }

@@ -12,6 +12,7 @@
 #include "format_options.hpp"
 #include "progress_line.hpp"
 #include "validators.hpp"
+#include "warnings.hpp"
 
 namespace dynslam::app {
 
@@ -26,7 +27,8 @@ struct ConvertCommand::Options {
 ConvertCommand::ConvertCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   Options& o = *o_;
   o.command = app.add_subcommand("convert", "Write a sequence of any format as a TUM folder");
-  o.command->add_option("sequence", o.sequence, "Folder of a sequence, or a ROS 1 bag")->required();
+  o.command->add_option("sequence", o.sequence, "Folder of a sequence, or a recording of ROS 1 or 2")
+      ->required();
   o.command->add_option("out", o.out, "New folder")->required();
   add_format_options(*o.command, o.reading.format, o.reading.topics, o.reading.rate);
   add_camera_option(*o.command, o.camera);
@@ -51,16 +53,27 @@ int ConvertCommand::run() const {
   runtime::SequenceOptions reading = o_->reading;
   reading.camera = o_->camera;
   const runtime::Sequence sequence = runtime::load_sequence(o_->sequence, reading);
+  warn(sequence.notes);
   runtime::ConvertOptions options;
   options.every = o_->every;
   if (!o_->size.empty()) std::tie(options.size.width, options.size.height) = parse_image_size(o_->size);
+  const runtime::CameraConfig camera = runtime::camera_of(sequence, o_->camera);
   runtime::ConvertReport report;
   {
     ProgressLine line;
     report = runtime::convert_sequence(
-        sequence, runtime::camera_of(sequence, o_->camera), o_->out, options,
+        sequence, camera, o_->out, options,
         [&](std::size_t done, std::size_t total) { line.show(fmt::format("{}/{} frames", done, total)); });
   }
+  if (report.too_far > 0)
+    std::cerr << fmt::format(
+        "dynslam: warning: {:.3g} % of the depth does not fit into 16 bits of {} units per metre "
+        "and is none in the new images\n",
+        100.0 * static_cast<double>(report.too_far) / static_cast<double>(report.depth_pixels),
+        camera.depth_units_per_metre);
+  if (report.without_depth > 0)
+    std::cerr << fmt::format("dynslam: warning: {} of {} depth images have no depth at all\n",
+                             report.without_depth, report.written);
   for (const std::string& problem : report.broken) std::cerr << "dynslam: left out: " << problem << '\n';
   std::cout << fmt::format("{} frames in {}\n", report.written, o_->out.string());
   return 0;

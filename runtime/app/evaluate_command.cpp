@@ -32,7 +32,8 @@ struct EvaluateCommand::Options {
   CLI::App* faults = nullptr;
   std::filesystem::path estimate, groundtruth, predicted, truth;
   runtime::MaskFaultOptions fault;
-  runtime::SequenceOptions reading;  // of the ground truth's sequence
+  runtime::EvaluationOptions evaluation;
+  runtime::MaskOptions reading_masks;
   int widen = 0;
   bool json = false;
 };
@@ -49,7 +50,30 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
       ->add_option("groundtruth", o.groundtruth,
                    "Ground truth in TUM format, or the folder of a sequence, or its bag")
       ->required();
-  add_format_options(*o.trajectory, o.reading.format, o.reading.topics, o.reading.rate);
+  add_format_options(*o.trajectory, o.evaluation.reading.format, o.evaluation.reading.topics,
+                     o.evaluation.reading.rate);
+  o.trajectory
+      ->add_option_function<std::string>(
+          "--align",
+          [&o](const std::string& name) { o.evaluation.alignment = *runtime::parse_alignment(name); },
+          "How the estimate is laid on the ground truth for the ATE: se3 (rigid, least squares), sim3 (and a "
+          "scale), first (by the first pair of poses) or none")
+      ->default_str("se3")
+      ->check(CLI::IsMember({"se3", "sim3", "first", "none"}));
+  o.trajectory
+      ->add_option_function<std::string>(
+          "--offset",
+          [&o](const std::string& value) {
+            o.evaluation.find_offset = value == "auto";
+            if (value != "auto") o.evaluation.offset = std::stod(value);
+          },
+          "Seconds to add to the estimate's times, or auto: found by how both turn and move")
+      ->type_name("S|auto")
+      ->check(number_in(-1e12, 1e12) | CLI::IsMember({"auto"}));
+  o.trajectory->add_option(
+      "--body-pose", o.evaluation.body_pose,
+      "The camera's pose on the body that the ground truth is of: a file with the four rows "
+      "of a matrix, or tx ty tz qx qy qz qw");
   o.trajectory->add_flag("--json", o.json, "Print JSON");
   o.masks = app.add_subcommand("eval-masks", "IoU, recall and precision of masks");
   o.masks->add_option("predicted", o.predicted, "Folder of PNG masks")->required();
@@ -61,6 +85,14 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
                    "Pixels by which the truth is widened before what lies beyond it counts as spill")
       ->capture_default_str()
       ->check(whole_in(0, 1000));
+  o.masks
+      ->add_option("--mask-labels", o.reading_masks.labels,
+                   "What the values of the predicted masks mean, as for run: voc, coco, cityscapes, "
+                   "instances, binary, or "
+                   "15=person,...")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("WORDS");
   o.masks->add_flag("--json", o.json, "Print JSON");
   o.faults = app.add_subcommand("mask-faults", "Write wrong masks for a sequence, to see what they cost");
   o.faults->add_option("sequence", o.fault.sequence, "Folder of a sequence with ground truth, or its bag")
@@ -87,10 +119,11 @@ bool EvaluateCommand::chosen() const {
 int EvaluateCommand::run() const {
   const Options& o = *o_;
   if (*o.trajectory && std::filesystem::is_directory(o.estimate))
-    return print(runtime::evaluate_run(o.estimate, o.groundtruth, o.reading), o.json);
-  if (*o.trajectory) return print(runtime::evaluate_trajectory(o.estimate, o.groundtruth, o.reading), o.json);
-  if (*o.masks && o.truth.empty()) return print(runtime::mask_shares(o.predicted), o.json);
-  if (*o.masks) return print(runtime::evaluate_masks(o.predicted, o.truth, o.widen), o.json);
+    return print(runtime::evaluate_run(o.estimate, o.groundtruth, o.evaluation), o.json);
+  if (*o.trajectory)
+    return print(runtime::evaluate_trajectory(o.estimate, o.groundtruth, o.evaluation), o.json);
+  if (*o.masks && o.truth.empty()) return print(runtime::mask_shares(o.predicted, o.reading_masks), o.json);
+  if (*o.masks) return print(runtime::evaluate_masks(o.predicted, o.truth, o.widen, o.reading_masks), o.json);
   ProgressLine line;
   runtime::write_mask_faults(o.fault, [&](std::size_t done, std::size_t total) {
     line.show(fmt::format("{}/{} masks", done, total));

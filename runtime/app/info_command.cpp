@@ -20,7 +20,8 @@ struct InfoCommand::Options {
 InfoCommand::InfoCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   Options& o = *o_;
   o.command = app.add_subcommand("info", "Say what a sequence is, what is odd about it, and how to run it");
-  o.command->add_option("sequence", o.sequence, "Folder of a sequence, or a ROS 1 bag")->required();
+  o.command->add_option("sequence", o.sequence, "Folder of a sequence, or a recording of ROS 1 or 2")
+      ->required();
   add_format_options(*o.command, o.inspect.reading.format, o.inspect.reading.topics, o.inspect.reading.rate);
   add_camera_option(*o.command, o.inspect.camera);
   o.command->add_flag("--json", o.json, "Print JSON");

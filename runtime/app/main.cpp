@@ -19,6 +19,7 @@
 #include "help_commands.hpp"
 #include "info_command.hpp"
 #include "map_command.hpp"
+#include "plain_output.hpp"
 #include "readout_command.hpp"
 #include "report_command.hpp"
 #include "run_command.hpp"
@@ -102,6 +103,7 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   std::signal(SIGPIPE, SIG_IGN);  // a reader that went away is an error of writing like a full disk
+  const dynslam::app::PlainOutput plain_out(std::cout), plain_error(std::cerr);
   const int code = run(argc, argv);
   std::cout.flush();
   if (std::cout) return code;

@@ -129,7 +129,7 @@ MapCommand::MapCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
       ->capture_default_str()
       ->check(finite());
   o.query->add_option("--cell", o.cell, "Ask about cells of about this size [m] (default: voxels)")
-      ->check(finite());
+      ->check(number_in(0, 1e6));
   o.query->add_flag("--unknown-blocks", o.unknown_blocks, "Unknown space ends a ray, too");
   o.query->add_flag("--json", o.json, "Print JSON");
 
@@ -148,6 +148,10 @@ bool MapCommand::chosen() const {
 
 int MapCommand::run() const {
   const Options& o = *o_;
+  std::error_code error;
+  if (!o.out.empty() && std::filesystem::equivalent(o.file, o.out, error))
+    throw rt::UsageError(
+        fmt::format("{} is the map itself, which would be lost: name another file to make", o.out.string()));
   if (*o.info) {
     const rt::MapSummary summary = rt::summarize(*rt::load_map(o.file), rt::load_map_classes(o.file));
     std::cout << (o.json ? rt::to_json(summary).dump() + "\n" : rt::to_text(summary));

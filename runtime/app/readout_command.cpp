@@ -9,6 +9,7 @@
 #include "dynslam/runtime/inspect/readout.hpp"
 #include "exit_codes.hpp"
 #include "format_options.hpp"
+#include "warnings.hpp"
 
 namespace dynslam::app {
 
@@ -21,7 +22,8 @@ struct ReadoutCommand::Options {
 ReadoutCommand::ReadoutCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   Options& o = *o_;
   o.command = app.add_subcommand("readout", "Measure the rolling shutter of a sequence's camera");
-  o.command->add_option("sequence", o.sequence, "Folder of a sequence, or a ROS 1 bag")->required();
+  o.command->add_option("sequence", o.sequence, "Folder of a sequence, or a recording of ROS 1 or 2")
+      ->required();
   add_format_options(*o.command, o.reading.format, o.reading.topics, o.reading.rate);
   add_camera_option(*o.command, o.reading.camera);
   o.command->add_option("--max-frames", o.reading.max_frames, "Look at so many frames (0: all)")
@@ -36,6 +38,7 @@ bool ReadoutCommand::chosen() const {
 
 int ReadoutCommand::run() const {
   const runtime::Sequence sequence = runtime::load_sequence(o_->sequence, o_->reading);
+  warn(sequence.notes);
   const runtime::CameraConfig camera = runtime::camera_of(sequence, o_->reading.camera);
   const runtime::ReadoutReport report =
       runtime::measure_readout(sequence, camera, [&](const runtime::ReadoutTrial& trial) {

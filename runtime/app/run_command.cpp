@@ -29,6 +29,7 @@
 #include "segmentation_options.hpp"
 #include "validators.hpp"
 #include "view_window.hpp"
+#include "warnings.hpp"
 
 namespace dynslam::app {
 namespace {
@@ -107,7 +108,7 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
 
 void add_run_options(CLI::App& app, rt::RunOptions& o, std::string_view default_out) {
   app.add_option("sequence", o.sequence,
-                 "Folder of a sequence: TUM, 7-Scenes, ... (see --format), or a ROS 1 bag")
+                 "Folder of a sequence: TUM, 7-Scenes, ... (see --format), or a recording of ROS 1 or 2")
       ->required();
   app.add_option("--out,-o", o.out, fmt::format("Folder for the results (default: {})", default_out));
   add_camera_option(app, o.camera);
@@ -154,9 +155,14 @@ int interrupted() {
 /// ATE and RPE where the sequence has ground truth; what cannot be compared is said, not an error.
 std::string accuracy(const rt::RunOptions& options, const rt::Sequence& sequence,
                      const rt::RunSummary& summary) {
-  if (sequence.groundtruth.empty()) return {};
+  if (sequence.groundtruth.empty())
+    return sequence.truth_missing.empty()
+               ? ""
+               : fmt::format("no ATE and RPE, for want of a ground truth: {}\n", sequence.truth_missing);
   try {
-    return rt::to_text(rt::evaluate_run(summary.trajectory, summary.live_trajectory, sequence.groundtruth,
+    const std::string turned = sequence.truth_turned.empty() ? "" : sequence.truth_turned + "\n";
+    return turned +
+           rt::to_text(rt::evaluate_run(summary.trajectory, summary.live_trajectory, sequence.groundtruth,
                                         options.out, sequence.truth_file.string()));
   } catch (const rt::InputError& error) {
     return fmt::format("no ATE and RPE: {}\n", error.what());
@@ -184,6 +190,13 @@ std::string mask_report(const rt::RunOptions& options, const rt::RunSummary& sum
   if (rt::uses_semantic(options.dynamics) && !summary.live && summary.masked == 0 && summary.tracked > 0)
     text += fmt::format("no a-priori mask marks anything dynamic in any of {} frames\n", summary.frames);
   return text;
+}
+
+/// What the map may show that is not of the static scene.
+std::string map_report(const rt::RunOptions& options) {
+  if (!options.map || options.dynamics != rt::DynamicsMode::geometric) return {};
+  return "map: without a network (--model) or masks, people who keep still from the start on are part of "
+         "it\n";
 }
 
 /// What a live run dropped, and how late the rest was.
@@ -221,8 +234,9 @@ int run_sequence(const rt::RunOptions& options, bool with_view) {
   rt::Sequence sequence;
   const auto opened = [&](const rt::Sequence& found, const rt::CameraConfig& camera) {
     sequence = found;
-    for (const std::string& doubt : rt::camera_doubts(found, camera))
-      std::cerr << "dynslam: warning: " << doubt << '\n';
+    warn(found.notes);
+    warn(rt::camera_doubts(found, camera));
+    warn(rt::time_doubts(found));
     if (view) view->live.open(found, camera);
   };
   const rt::RunSummary summary = [&] {
@@ -237,8 +251,8 @@ int run_sequence(const rt::RunOptions& options, bool with_view) {
   std::cout << fmt::format("{} of {} frames tracked ({} lost, {} broken), {:.1f} frames/s; results in {}\n",
                            summary.tracked, summary.frames, summary.lost, summary.broken, summary.fps,
                            options.out.string())
-            << mask_report(options, summary) << separate_report(summary) << live_report(summary)
-            << accuracy(options, sequence, summary) << std::flush;
+            << mask_report(options, summary) << map_report(options) << separate_report(summary)
+            << live_report(summary) << accuracy(options, sequence, summary) << std::flush;
   if (summary.interrupted) return interrupted();
   if (options.report) print_report({options.out}, {});
   return 0;

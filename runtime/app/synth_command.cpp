@@ -30,9 +30,10 @@ SynthCommand::SynthCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   o.command->add_option("--frames", o.synth.frames, "Number of frames")->capture_default_str();
   o.command->add_option("--path", o.synth.path, "Camera path: static, xyz, rpy, halfsphere, loop")
       ->capture_default_str();
-  o.command->add_option("--scenario", o.synth.scenario, "walking, sitting, box, board, empty")
+  o.command->add_option("--scenario", o.synth.scenario, "walking, sitting, box, board, crowd, empty")
       ->capture_default_str();
-  o.command->add_option("--walkers", o.synth.walkers, "People who walk")->capture_default_str();
+  o.command->add_option("--walkers", o.synth.walkers, "People who walk (walking, crowd)")
+      ->capture_default_str();
   o.command->add_option("--box", o.synth.box, "The first walker carries a box")->capture_default_str();
   o.command->add_option("--noise", o.synth.noise, "Noise of colour and depth")->capture_default_str();
   o.command->add_option("--blackout-from", o.synth.blackout_from, "First frame with the lens covered")

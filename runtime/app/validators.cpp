@@ -66,7 +66,8 @@ CLI::Validator image_size() {
   return {[](const std::string& text) {
             const auto number = [](std::string_view s) {
               return !s.empty() && s.size() < 6 &&
-                     s.find_first_not_of("0123456789") == std::string_view::npos;
+                     s.find_first_not_of("0123456789") == std::string_view::npos &&
+                     s.find_first_not_of('0') != std::string_view::npos;
             };
             const std::size_t x = text.find('x');
             const bool good = x != std::string::npos && number(std::string_view(text).substr(0, x)) &&

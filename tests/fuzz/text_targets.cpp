@@ -70,11 +70,11 @@ void pose_matrix(Bytes bytes) {
 }
 
 void pose_rows(Bytes bytes) {
-  parse_text(bytes, [](std::istream& in) { (void)formats::parse_pose_rows(in, "traj"); });
+  parse_text(bytes, [](std::istream& in) { (void)formats::parse_pose_rows(in, "traj", 30); });
 }
 
 void pose_log(Bytes bytes) {
-  parse_text(bytes, [](std::istream& in) { (void)formats::parse_log(in, "log"); });
+  parse_text(bytes, [](std::istream& in) { (void)formats::parse_log(in, "log", std::vector<double>(100)); });
 }
 
 void eth3d_camera(Bytes bytes) {

@@ -113,11 +113,27 @@ TEST_CASE("a live run that is stopped, or fails, saves what it has") {
 
 TEST_CASE("a recording is never played faster than it was recorded, and a gap in it can be stopped") {
   const std::atomic<bool> go{false}, stop{true};
-  RecordedPace pace(2);
+  RecordedPace pace(2, 10);
   const auto begin = std::chrono::steady_clock::now();
   CHECK(pace.wait(1e9, go));
   CHECK(pace.wait(1e9 + 0.1, go));
   CHECK(std::chrono::steady_clock::now() - begin >= std::chrono::milliseconds(49));
   CHECK(pace.wait(1e9 + 0.05, go));  // due long ago
-  CHECK_FALSE(pace.wait(2e9, stop));
+  CHECK_FALSE(pace.wait(1e9 + 10, stop));
+}
+
+TEST_CASE("a gap that is longer than is waited for is skipped and counted, and the pace goes on behind it") {
+  const std::atomic<bool> go{false};
+  RecordedPace pace(1, 5);
+  const auto begin = std::chrono::steady_clock::now();
+  const auto passed = [&] { return std::chrono::steady_clock::now() - begin; };
+  CHECK(pace.wait(0, go));    // a time, too
+  CHECK(pace.wait(33, go));   // stamps in milliseconds
+  CHECK(pace.wait(1e9, go));  // a clock that was set
+  CHECK(passed() < std::chrono::seconds(5));
+  CHECK(pace.skipped() == 2);
+  CHECK(pace.first_skipped() == 33);
+  const auto behind = passed();
+  CHECK(pace.wait(1e9 + 0.05, go));
+  CHECK(passed() - behind >= std::chrono::milliseconds(49));
 }

@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -54,6 +55,17 @@ TEST_CASE("cells: decimals, unit, no number, no minus zero") {
   CHECK(cell(std::numeric_limits<double>::quiet_NaN(), 2) == "-");
   CHECK(cell(-0.00001, 2) == "0.00");
   CHECK(cell(-0.6, 0) == "-1");
+}
+
+TEST_CASE("what stands in a cell is text to Markdown, whatever is in it") {
+  const Table table{"t", {"a"}, {{"<img onerror=x>"}, {"a|b"}, {"line\nbreak"}, {"\x1b[31m"}}};
+  const std::string text = to_markdown(table);
+  CHECK(text.find("&lt;img onerror=x&gt;") != std::string::npos);
+  CHECK(text.find("a\\|b") != std::string::npos);
+  CHECK(text.find("line\\x0abreak") == std::string::npos);  // the backslash is escaped, too
+  CHECK(text.find("line\\\\x0abreak") != std::string::npos);
+  CHECK(text.find('\x1b') == std::string::npos);
+  CHECK(std::count(text.begin(), text.end(), '\n') == 8);
 }
 
 TEST_CASE("a text table aligns its columns, whatever the cells' lengths") {

@@ -139,6 +139,34 @@ got fr3_walking_xyz
 ! grep -q GET "$work/log" || fail "a whole archive was fetched again"
 rm -r "${OUT:?}/$name"
 
+evil=$work/evil/$name                                    # archives that are more than images
+mkdir -p "$work/evil"
+# planted COMMAND...: the sequence with what COMMAND puts into its folder.
+planted() {
+  rm -rf "$evil" "$kept"
+  cp -r "$work/made/$name" "$work/evil"
+  (cd "$evil" && "$@")
+  tar -czf "$archive" -C "$work/evil" $name
+}
+for command in "ln -s /etc/passwd depth.txt" "mkfifo depth.txt" "ln rgb.txt depth.txt"; do
+  # shellcheck disable=SC2086
+  planted $command
+  refused "holds what is no plain file: " fr3_walking_xyz
+  [ ! -e "$part" ] || fail "$command: the archive is kept"
+done
+rm -rf "$evil" "$kept"
+ln -s /tmp "$evil"                                       # a link for the folder
+tar -czf "$archive" -C "$work/evil" $name
+refused "holds what is no plain file: " fr3_walking_xyz
+rm "$evil"
+planted sh -c 'cp /bin/true run && chmod 4777 run rgb'
+"$script" fr3_walking_xyz > "$work/said" 2>&1 || fail "a setuid file: $(cat "$work/said")"
+[ -z "$(find "$OUT/$name" -perm /7000)" ] || fail "setuid is kept"
+rm -r "${OUT:?}/$name" "$kept"
+tar -czf "$archive" -C "$work/made" $name
+got fr3_walking_xyz
+rm -r "${OUT:?}/$name"
+
 mkdir "$work/bin"                                        # a disk that is full
 printf '#!/bin/sh\necho Avail\necho 1000\n' > "$work/bin/df"
 chmod +x "$work/bin/df"

@@ -2,6 +2,7 @@
 // The short rendered film of the formats' fixtures, as a bag.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <opencv2/imgcodecs.hpp>
@@ -64,20 +65,20 @@ struct TopicOfFilm {
   std::function<std::string(std::uint64_t t, const Shot&)> message;
 };
 
-inline TopicOfFilm raw_colour(std::string name = kColourTopic) {
-  return {std::move(name), "sensor_msgs/Image", [](std::uint64_t t, const Shot& shot) {
-            return image_message(t, kOpticalFrame, "bgr8", shot.bgr);
+inline TopicOfFilm raw_colour(std::string name = kColourTopic, Wire wire = Wire::ros1) {
+  return {std::move(name), "sensor_msgs/Image", [wire](std::uint64_t t, const Shot& shot) {
+            return image_message(t, kOpticalFrame, "bgr8", shot.bgr, wire);
           }};
 }
-inline TopicOfFilm compressed_colour() {
+inline TopicOfFilm compressed_colour(Wire wire = Wire::ros1) {
   return {std::string(kColourTopic) + "/compressed", "sensor_msgs/CompressedImage",
-          [](std::uint64_t t, const Shot& shot) {
-            return compressed_message(t, kOpticalFrame, "rgb8; jpeg compressed bgr8", jpeg(shot.bgr));
+          [wire](std::uint64_t t, const Shot& shot) {
+            return compressed_message(t, kOpticalFrame, "rgb8; jpeg compressed bgr8", jpeg(shot.bgr), wire);
           }};
 }
-inline TopicOfFilm metric_depth(std::string name = kDepthTopic) {
-  return {std::move(name), "sensor_msgs/Image", [](std::uint64_t t, const Shot& shot) {
-            return image_message(t, kOpticalFrame, "32FC1", in_metres(shot.depth));
+inline TopicOfFilm metric_depth(std::string name = kDepthTopic, Wire wire = Wire::ros1) {
+  return {std::move(name), "sensor_msgs/Image", [wire](std::uint64_t t, const Shot& shot) {
+            return image_message(t, kOpticalFrame, "32FC1", in_metres(shot.depth), wire);
           }};
 }
 inline TopicOfFilm millimetre_depth(std::string name = kDepthTopic) {
@@ -85,32 +86,37 @@ inline TopicOfFilm millimetre_depth(std::string name = kDepthTopic) {
             return image_message(t, kOpticalFrame, "16UC1", in_millimetres(shot.depth));
           }};
 }
-inline TopicOfFilm compressed_depth() {
+inline TopicOfFilm compressed_depth(Wire wire = Wire::ros1) {
   return {std::string(kDepthTopic) + "/compressedDepth", "sensor_msgs/CompressedImage",
-          [](std::uint64_t t, const Shot& shot) {
+          [wire](std::uint64_t t, const Shot& shot) {
             return compressed_message(t, kOpticalFrame, "16UC1; compressedDepth",
-                                      depth_header(0, 0) + png(in_millimetres(shot.depth)));
+                                      depth_header(0, 0) + png(in_millimetres(shot.depth)), wire);
           }};
 }
-inline TopicOfFilm camera_info(const InfoOfCamera& camera = {}) {
-  return {kInfoTopic, "sensor_msgs/CameraInfo",
-          [camera](std::uint64_t t, const Shot&) { return info_message(t, kOpticalFrame, camera); }};
+inline TopicOfFilm camera_info(const InfoOfCamera& camera = {}, Wire wire = Wire::ros1) {
+  return {kInfoTopic, "sensor_msgs/CameraInfo", [camera, wire](std::uint64_t t, const Shot&) {
+            return info_message(t, kOpticalFrame, camera, wire);
+          }};
 }
 /// As in TUM's bags: what is tracked moves in the world, and the camera stands still on it.
-inline TopicOfFilm tf_truth() {
-  return {"/tf", "tf/tfMessage", [](std::uint64_t t, const Shot& shot) {
+inline TopicOfFilm tf_truth(Wire wire = Wire::ros1) {
+  return {"/tf", "tf/tfMessage", [wire](std::uint64_t t, const Shot& shot) {
             const SE3<double> T_k_c(Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5),
                                     Eigen::Vector3d(0, -0.02, 0.01));
             const SE3<double> T_c_o(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0.03, 0, 0));
-            return tf_message(t, {{"/world", "/kinect", shot.T_w_c * (T_k_c * T_c_o).inverse()},
-                                  {"/kinect", "/openni_camera", T_k_c},
-                                  {"/openni_camera", kOpticalFrame, T_c_o}});
+            return tf_message(t,
+                              {{"/world", "/kinect", shot.T_w_c * (T_k_c * T_c_o).inverse()},
+                               {"/kinect", "/openni_camera", T_k_c},
+                               {"/openni_camera", kOpticalFrame, T_c_o}},
+                              wire);
           }};
 }
 
-inline BagWriter bag_of_film(const std::vector<TopicOfFilm>& topics) {
-  BagWriter bag;
-  for (std::size_t k = 0; k < film().size(); ++k) {
+/// @param first, end  frames of the film
+template <class Writer = BagWriter>
+Writer bag_of_film(const std::vector<TopicOfFilm>& topics, std::size_t first = 0, std::size_t end = 1000) {
+  Writer bag;
+  for (std::size_t k = first; k < std::min(end, film().size()); ++k) {
     for (const TopicOfFilm& topic : topics)
       bag.add(topic.name, topic.type, bag_time(k), topic.message(bag_time(k), film()[k]));
   }

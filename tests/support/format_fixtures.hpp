@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
+#include <cmath>
 #include <cstddef>
 #include <filesystem>
 #include <fstream>
@@ -143,7 +144,9 @@ struct FormatFixture : TemporaryFolder {
 
   using Names = std::pair<std::string, std::string>;
 
-  void tum(const View& as, const std::string& truth, const std::string& associations) {
+  /// @param T_c_body  of what the ground truth is the pose of
+  void tum(const View& as, const std::string& truth, const std::string& associations,
+           const SE3<double>& T_c_body = {}) {
     view = as;
     images("rgb", "depth", [](std::size_t i) { return Names(stamp(i) + ".png", stamp(i) + ".png"); });
     std::ofstream rgb(root / "rgb.txt"), depth(root / "depth.txt"), pairs(root / associations),
@@ -153,13 +156,21 @@ struct FormatFixture : TemporaryFolder {
       depth << stamp(i) << " depth/" << stamp(i) << ".png\n";
       // Depth first, as many tools write it.
       pairs << fmt::format("{0} depth/{0}.png {0} rgb/{0}.png\n", stamp(i));
-      poses << pose_text(stamp(i), film()[i].T_w_c);
+      poses << pose_text(stamp(i), film()[i].T_w_c * T_c_body);
     }
   }
 
+  /// Its ground truth is of a body with markers; the matrices are those of the data set's page.
   void bonn() {
+    Eigen::Matrix3d T_ros, T_m;
+    T_ros << -1, 0, 0, 0, 0, 1, 0, 1, 0;
+    T_m << 1.0157, 0.1828, -0.2389, 0.0009, -0.8431, -0.6413, -0.3009, 0.6147, -0.8085;
+    // The nearest rotation; the data set's numbers have four digits and a scale.
+    Eigen::Matrix3d R_body_c = T_ros * T_m;
+    for (int k = 0; k < 60; ++k) R_body_c = (R_body_c + R_body_c.inverse().transpose()).eval() / 2;
     tum({640, 480, 542.822841, 542.576870, 315.593520, 237.756098, 5000, 0}, "groundtruth.txt",
-        "associations.txt");
+        "associations.txt",
+        SE3<double>(Eigen::Quaterniond(R_body_c).normalized(), Eigen::Vector3d::Zero()).inverse());
   }
 
   void eth3d() {

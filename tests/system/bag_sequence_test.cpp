@@ -152,7 +152,7 @@ TEST_CASE("what the program says of bags") {
   CHECK(mentions(call("info " + FormatFixture("tum").root.string() + " --topics /a,/b").out,
                  "--topics is for bags"));
   test::write_file(bag.path / "notes.txt", "no bag\n");
-  CHECK(mentions(load_error(bag.path / "notes.txt"), "is neither a folder nor a ROS 1 bag"));
+  CHECK(mentions(load_error(bag.path / "notes.txt"), "is neither a folder nor a recording of ROS"));
 }
 
 TEST_CASE("topics that may be meant are listed, and --topics chooses") {
@@ -286,7 +286,8 @@ TEST_CASE("ground truth of a bag is what moves the camera, or there is a reason 
                  "film.bag: has no ground truth: neither tf moves"));
 }
 
-TEST_CASE("times of a bag's images: nanoseconds are kept, what is none or comes twice is refused") {
+TEST_CASE(
+    "times of a bag's images: nanoseconds are kept, 0 is one, what comes twice is left out and counted") {
   const auto bag_at = [](std::uint64_t first, std::uint64_t step) {
     BagWriter bag;
     const cv::Mat colour(64, 64, CV_8UC3, cv::Scalar::all(7)), depth(64, 64, CV_16UC1, cv::Scalar(1500));
@@ -301,10 +302,70 @@ TEST_CASE("times of a bag's images: nanoseconds are kept, what is none or comes 
   const fs::path file = folder.path / "t.bag";
   test::write_file(file, bag_at(1700000000123456789U, 33333333U));
   CHECK(load_sequence(file).frames[1].stamp == "1700000000.156790122");
-  test::write_file(file, bag_at(0, 1));
-  CHECK(mentions(load_error(file), "t.bag: /c: an image has no time in its header"));
+  test::write_file(file, bag_at(0, 33333333U));
+  const Sequence from_zero = load_sequence(file);
+  CHECK(from_zero.frames.size() == 3);
+  CHECK(from_zero.frames[0].t_rgb == 0);
+  CHECK(from_zero.notes.empty());
+  test::write_file(file, bag_at(0, 0));
+  CHECK(mentions(load_error(file), "t.bag: /c: no image has a time in its header"));
   test::write_file(file, bag_at(5, 0));
-  CHECK(mentions(load_error(file), "t.bag: /c: two images have the time 0.000000005 s"));
+  const Sequence repeated = load_sequence(file);
+  CHECK(repeated.frames.size() == 1);
+  REQUIRE(repeated.notes.size() == 2);
+  CHECK(repeated.notes[0] ==
+        "2 of 3 images of /c have the time of the one before and are left out, the first at 0.000000005 s");
+}
+
+TEST_CASE("a bag whose messages were all recorded twice is the bag") {
+  const std::vector<TopicOfFilm> topics{raw_colour(), millimetre_depth(), camera_info(), tf_truth()};
+  std::vector<TopicOfFilm> twice = topics;
+  twice.insert(twice.end(), topics.begin(), topics.end());
+  const FilmBag once(topics), doubled(twice);
+  const Sequence a = load_sequence(once.file), b = load_sequence(doubled.file);
+  CHECK(b.notes.size() == 2);
+  REQUIRE(a.frames.size() == b.frames.size());
+  for (std::size_t i = 0; i < a.frames.size(); ++i) CHECK(a.frames[i].stamp == b.frames[i].stamp);
+  CHECK(a.groundtruth.size() == b.groundtruth.size());
+  const ProgramResult info = call("info " + doubled.file.string());
+  CHECK(info.code == 0);
+  CHECK(mentions(info.out, "14 of 28 images of /camera/rgb/image_color have the time of the one before"));
+}
+
+TEST_CASE("float depth in millimetres is read as what it is, and that is said") {
+  const TopicOfFilm depth{kDepthTopic, "sensor_msgs/Image", [](std::uint64_t t, const test::Shot& shot) {
+                            const cv::Mat metres = in_metres(shot.depth);
+                            return image_message(t, kOpticalFrame, "32FC1", cv::Mat(metres * 1000));
+                          }};
+  const FilmBag bag({raw_colour(), depth, camera_info(), tf_truth()});
+  const ProgramResult info = call("info " + bag.file.string());
+  CHECK(info.code == 0);
+  CHECK(mentions(info.out, "too far for metres: it is read in the camera's depth units per metre"));
+  CHECK_FALSE(mentions(info.out, "65535"));
+  CHECK_FALSE(mentions(info.out, "are wrong"));
+  const std::string out = (bag.path / "converted").string();
+  const ProgramResult converted = call("convert " + bag.file.string() + " " + out);
+  CHECK(converted.code == 0);
+  CHECK(mentions(converted.out, "too far for metres"));
+  const Sequence sequence = load_sequence(out);
+  const RgbdFrame frame = decode_frame(sequence.frames[0], 0, camera_of(sequence));
+  CHECK(cv::norm(frame.depth, in_metres(film()[0].depth), cv::NORM_INF) < 0.002);  // NaN is none in both
+}
+
+TEST_CASE("depth that does not fit into what is written is said, never lost without a word") {
+  const TopicOfFilm far{kDepthTopic, "sensor_msgs/Image", [](std::uint64_t t, const test::Shot& shot) {
+                          cv::Mat metres = in_metres(shot.depth);
+                          return image_message(t, kOpticalFrame, "32FC1", cv::Mat(metres + 30));
+                        }};
+  const FilmBag bag({raw_colour(), far, camera_info()});
+  test::write_file(
+      bag.path / "c.txt",
+      "width = 640\nheight = 480\nfx = 535\nfy = 539\ncx = 320\ncy = 247\ndepth_units_per_metre = 5000\n");
+  const ProgramResult converted = call("convert " + bag.file.string() + " " + (bag.path / "o").string() +
+                                       " --camera " + (bag.path / "c.txt").string());
+  CHECK(converted.code == 0);
+  CHECK(mentions(converted.out, "100 % of the depth does not fit into 16 bits of 5000 units per metre"));
+  CHECK(mentions(converted.out, "14 of 14 depth images have no depth at all"));
 }
 
 TEST_CASE("a run warns of a camera that the sequence's name contradicts, before it tracks") {

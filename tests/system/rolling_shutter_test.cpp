@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A camera that reads its rows one after the other while it turns, against the synthetic office's truth.
 #include <doctest/doctest.h>
+#include <fmt/format.h>
 
 #include <cmath>
 #include <fstream>
@@ -8,8 +9,10 @@
 #include <string>
 
 #include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/inspect/inspect.hpp"
 #include "dynslam/runtime/inspect/readout.hpp"
 #include "dynslam/runtime/io/camera.hpp"
+#include "error_text.hpp"
 #include "run_fixture.hpp"
 
 using namespace dynslam;
@@ -88,6 +91,19 @@ TEST_CASE("a readout is measured from images, with an interval that holds it, or
     CHECK(report.half_width < 0.007);
     CHECK(report.trials.front().assumed == 0);
     CHECK(report.trials.front().tracked == 60);
+    // `info` names it where the camera's file does not, and nothing where there is nothing.
+    std::ifstream in(made / "camera.txt");
+    std::ofstream silent(folder.path / "silent.txt");
+    for (std::string line; std::getline(in, line);) {
+      if (!line.starts_with("readout_time")) silent << line << "\n";
+    }
+    silent.close();
+    InspectOptions info;
+    info.camera = (folder.path / "silent.txt").string();
+    const std::string odd = fmt::format("{}", fmt::join(inspect_sequence(made, info).odd, "\n"));
+    CAPTURE(odd);
+    CHECK(test::mentions(odd, "a camera file with readout_time = 0.02") == (truth != 0));
+    CHECK(test::mentions(odd, "the rows of colour images") == (truth != 0));
     // The first second turns too little: 0.013 with nothing beside it would be wrong of a global shutter.
     Sequence first = sequence;
     first.frames.resize(30);

@@ -121,6 +121,7 @@ struct AteResult {
   std::size_t pairs = 0;
   Statistics<S> translation;  ///< metres
   SE3<S> T_gt_est;            ///< aligns the estimate with the ground truth
+  S scale = S(1);             ///< of the estimate before that
   std::vector<double> times;  ///< stamps of the ground truth's poses [s]
   std::vector<S> errors;      ///< metres, one per pair
 };
@@ -156,27 +157,66 @@ template <std::floating_point S>
 }
 }  // namespace detail
 
-/// Absolute trajectory error after SE(3) alignment, as TUM's evaluate_ate.py.
-/// @return nullopt with fewer than 3 associated poses or degenerate positions
+/// How an estimate is laid on the ground truth before positions are compared.
+enum class Alignment {
+  se3,   ///< by the rigid motion of least squares (Horn), as TUM's evaluate_ate.py
+  sim3,  ///< and a scale (Umeyama 1991): for estimates without one
+  none,  ///< not at all: both are in one frame
+  first  ///< by the first pair of poses
+};
+
+namespace detail {
+/// Scale and translation that go with the rotation of least squares.
+template <std::floating_point S>
+void scale_alignment(std::span<const Eigen::Matrix<S, 3, 1>> a, std::span<const Eigen::Matrix<S, 3, 1>> b,
+                     SE3<S>& T, S& scale) {
+  using Vector3 = Eigen::Matrix<S, 3, 1>;
+  Vector3 mean_a = Vector3::Zero(), mean_b = Vector3::Zero();
+  for (std::size_t k = 0; k < a.size(); ++k) {
+    mean_a += a[k] / static_cast<S>(a.size());
+    mean_b += b[k] / static_cast<S>(a.size());
+  }
+  S common = S(0), own = S(0);
+  for (std::size_t k = 0; k < a.size(); ++k) {
+    const Vector3 from = a[k] - mean_a;
+    common += (b[k] - mean_b).dot(T.so3() * from);
+    own += from.squaredNorm();
+  }
+  scale = common / own;
+  T = SE3<S>(T.so3(), Vector3(mean_b - scale * (T.so3() * mean_a)));
+}
+}  // namespace detail
+
+/// Absolute trajectory error after an alignment.
+/// @return nullopt with no associated poses; where the alignment is one of least squares, with fewer than 3
+/// or
+///         degenerate positions
 template <std::floating_point S>
 [[nodiscard]] std::optional<AteResult<S>> absolute_trajectory_error(
     std::span<const StampedPose<S>> estimate, std::span<const StampedPose<S>> groundtruth,
-    double max_difference = 0.02) {
+    double max_difference = 0.02, Alignment alignment = Alignment::se3) {
   const auto t_gt = detail::stamps(groundtruth), t_est = detail::stamps(estimate);
   const auto pairs = associate(t_gt, t_est, max_difference);
+  if (pairs.empty()) return std::nullopt;
   std::vector<Eigen::Matrix<S, 3, 1>> a, b;
   for (const auto& [i, j] : pairs) {
     b.push_back(groundtruth[i].T_w_c.translation());
     a.push_back(estimate[j].T_w_c.translation());
   }
-  const auto T = horn_alignment<S>(a, b);
-  if (!T) return std::nullopt;
   AteResult<S> result;
   result.pairs = pairs.size();
-  result.T_gt_est = *T;
+  if (alignment == Alignment::first) {
+    result.T_gt_est = groundtruth[pairs.front().first].T_w_c * estimate[pairs.front().second].T_w_c.inverse();
+  } else if (alignment != Alignment::none) {
+    const auto T = horn_alignment<S>(a, b);
+    if (!T) return std::nullopt;
+    result.T_gt_est = *T;
+    if (alignment == Alignment::sim3) detail::scale_alignment<S>(a, b, result.T_gt_est, result.scale);
+  }
   for (std::size_t k = 0; k < pairs.size(); ++k) {
     result.times.push_back(t_gt[pairs[k].first]);
-    result.errors.push_back((*T * a[k] - b[k]).norm());
+    const Eigen::Matrix<S, 3, 1> scaled = result.scale * a[k];
+    result.errors.push_back((result.T_gt_est * scaled - b[k]).norm());
   }
   result.translation = statistics<S>(result.errors);
   return result;

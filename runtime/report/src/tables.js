@@ -16,17 +16,18 @@ export function nameOf(run, index) {
 }
 
 function errorTable([key, title, places]) {
-  const base = data.runs.find((run) => run.mode === 'none' && run.table);
-  const compared = base && data.runs.some((run) => run !== base && run.table);
+  const given = (run) => run.table && run.table[key].rmse !== null;
+  const base = data.runs.find((run) => run.mode === 'none' && given(run));
+  const compared = base && data.runs.some((run) => run !== base && given(run));
   const best = Object.fromEntries(figures.map(([figure]) =>
-    [figure, Math.min(...data.runs.filter((run) => run.table).map((run) => run.table[key][figure]))]));
+    [figure, Math.min(...data.runs.filter((run) => given(run)).map((run) => run.table[key][figure]))]));
   const rows = data.runs.map((run, index) => {
-    const cells = figures.map(([figure]) => run.table && {
+    const cells = figures.map(([figure]) => given(run) && {
       text: run.table[key][figure].toFixed(places),
       best: data.runs.length > 1 && run.table[key][figure] === best[figure],
       title: String(run.table[key][figure]),
     });
-    const gain = compared && run !== base && run.table
+    const gain = compared && run !== base && given(run)
       ? `${(100 * (base.table[key].rmse - run.table[key].rmse) / base.table[key].rmse).toFixed(1)} %` : null;
     return [nameOf(run, index), ...cells, ...(compared ? [gain] : [])];
   });
@@ -56,7 +57,7 @@ function problems() {
 
 export function tables() {
   const notes = data.runs.filter((run) => run.why).map((run) =>
-    el('p', { className: 'small soft' }, `${run.name}: no ATE and RPE: ${run.why}`));
+    el('p', { className: 'small soft' }, `${run.name}: ${run.why}`));
   const gain = el('p', { className: 'small soft' },
     'RMSE gain: improvement over the run without masks (Eq 13). Bold: the best of a column.');
   const any = data.runs.some((run) => run.table);

@@ -210,6 +210,8 @@ void list(FieldList& f, RunOptions& o) {
     "dropped, and results differ between runs");
   f("live_speed", o.live_speed, "", "pace of a live run, as a multiple of the recorded one",
     between(0.01, 1000));
+  f("live_gap", o.live_gap, "s", "time between two frames of a live run that is waited for at most",
+    between(0.01, 1e6));
   f.section("");
   f.table("live", o.live);
   f.table("new_map", o.new_map);

@@ -127,6 +127,10 @@ std::vector<std::string> notes(const Ablation& ablation) {
   for (const AblationRow& row : ablation.rows) {
     if (!row.trajectory)
       lines.push_back(fmt::format("{}: no ATE and RPE: {}", to_string(row.mode), row.not_comparable));
+    if (row.trajectory) {
+      for (const std::string& note : row.trajectory->notes)
+        lines.push_back(fmt::format("{}: {}", to_string(row.mode), note));
+    }
   }
   if (ablation.interrupted) lines.emplace_back("interrupted: modes that are missing were not finished");
   return lines;
@@ -234,7 +238,8 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
 
   std::vector<std::pair<std::string, AteResult<double>>> errors;
   for (const AblationRow& row : result.rows) {
-    if (row.trajectory) errors.emplace_back(to_string(row.mode), row.trajectory->ate);
+    if (row.trajectory && row.trajectory->ate.pairs > 0)
+      errors.emplace_back(to_string(row.mode), row.trajectory->ate);
   }
   if (!errors.empty()) write_image(options.out / "ate_over_time.png", plot_errors(errors, result.sequence));
   write_overlays(result, sequence, options.out);

@@ -3,25 +3,34 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
-#include <numeric>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 #include <utility>
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
+#include "evaluation/body_pose.hpp"
+#include "evaluation/clock_offset.hpp"
 
 namespace dynslam::runtime {
 namespace {
 
 namespace fs = std::filesystem;
+using Trajectory = std::span<const StampedPose<double>>;
+
+constexpr double kNear = 0.02, kInterval = 1.0;  // seconds
+constexpr std::array<std::pair<Alignment, std::string_view>, 4> kAlignments{{{Alignment::se3, "se3"},
+                                                                             {Alignment::sim3, "sim3"},
+                                                                             {Alignment::none, "none"},
+                                                                             {Alignment::first, "first"}}};
 
 nlohmann::json to_json(const Statistics<double>& s) {
-  return {{"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median},
+  return {{"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median},  // NaN becomes null
           {"std", s.std},   {"min", s.min},   {"max", s.max}};
 }
 
@@ -30,82 +39,181 @@ std::string row(std::string_view name, const Statistics<double>& s) {
                      s.median, s.std, s.min, s.max);
 }
 
-/// @param shares  of one frame at least
-MaskShares shares_of(std::vector<double> shares) {
-  std::sort(shares.begin(), shares.end());
-  const auto n = static_cast<double>(shares.size());
-  return {shares.size(), std::accumulate(shares.begin(), shares.end(), 0.0) / n,
-          shares[static_cast<std::size_t>(0.95 * (n - 1) + 0.5)], shares.back()};
-}
-
-/// Names of the PNG files in a folder, sorted. @throws InputError where there are none
-std::vector<fs::path> mask_names(const fs::path& folder) {
-  if (!fs::is_directory(folder)) throw InputError(folder.string(), 0, "is not a folder");
-  std::vector<fs::path> names;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    if (entry.path().extension() == ".png") names.push_back(entry.path().filename());
-  }
-  std::sort(names.begin(), names.end());
-  if (names.empty()) throw InputError(folder.string(), 0, "holds no PNG masks");
-  return names;
+Statistics<double> not_given() {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  return {kNone, kNone, kNone, kNone, kNone, kNone};
 }
 
 constexpr const char* kFinal = "trajectory.txt";
 constexpr const char* kLive = "trajectory_live.txt";
 
-/// Poses to compare with, and the file that they are of.
-struct Truth {
+/// Poses of a file or sequence, what they are called, and what is to be said of them.
+struct NamedPoses {
   std::vector<StampedPose<double>> poses;
   std::string name;
+  std::vector<std::string> notes{};
 };
 
+NamedPoses read_poses(const fs::path& file) {
+  UsablePoses found = read_usable_poses(file);
+  NamedPoses result{std::move(found.poses), file.string()};
+  if (found.left_out > 0) result.notes.push_back(found.note());
+  return result;
+}
+
 /// @param groundtruth  a file in TUM format, the folder of a sequence, or a bag
-Truth read_truth(const fs::path& groundtruth, const SequenceOptions& options) {
-  const bool sequence_file = options.format == "bag" || !formats_of(groundtruth).empty();
-  if (!fs::is_directory(groundtruth) && !sequence_file)
-    return {read_trajectory(groundtruth), groundtruth.string()};
+NamedPoses truth_as_published(const fs::path& groundtruth, const SequenceOptions& options) {
+  const bool sequence_file =
+      options.format == "bag" || options.format == "ros2" || !formats_of(groundtruth).empty();
+  if (!fs::is_directory(groundtruth) && !sequence_file) {
+    NamedPoses truth = read_poses(groundtruth);
+    turn_bonn_file(groundtruth, truth.poses, truth.notes);
+    return truth;
+  }
   Sequence sequence = load_sequence(groundtruth, options);
   if (sequence.groundtruth.empty())
     throw InputError(groundtruth.string(), 0,
                      sequence.truth_missing.empty()
                          ? fmt::format("has no ground truth; its format is {}", sequence.format)
                          : "has no ground truth: " + sequence.truth_missing);
-  return {std::move(sequence.groundtruth), sequence.truth_file.string()};
+  NamedPoses truth{std::move(sequence.groundtruth), sequence.truth_file.string(), std::move(sequence.notes)};
+  if (!sequence.truth_turned.empty()) truth.notes.push_back(sequence.truth_turned);
+  return truth;
 }
 
-double ratio(std::size_t a, std::size_t b) {
-  return b > 0 ? static_cast<double>(a) / static_cast<double>(b) : 0.0;
+NamedPoses read_truth(const fs::path& groundtruth, const EvaluationOptions& options) {
+  NamedPoses truth = truth_as_published(groundtruth, options.reading);
+  if (!options.body_pose.empty()) apply_body_pose(read_body_pose(options.body_pose), truth.poses);
+  return truth;
+}
+
+/// "from 1.000 to 2.000 s"
+std::string range(Trajectory poses) {
+  return poses.empty() ? "empty" : fmt::format("from {:.3f} to {:.3f} s", poses.front().t, poses.back().t);
+}
+
+std::string both_ranges(Trajectory estimate, Trajectory groundtruth, const std::string& est_name,
+                        const std::string& gt_name) {
+  return fmt::format("{} is {}, {} {}", est_name, range(estimate), gt_name, range(groundtruth));
+}
+
+std::vector<double> times_of_poses(Trajectory poses) {
+  std::vector<double> times;
+  for (const auto& pose : poses) times.push_back(pose.t);
+  return times;
+}
+
+/// How far positions spread: 0 in one place, 1 on a line, else 2.
+int dimensions_of(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : points) mean += p / static_cast<double>(points.size());
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& p : points) spread += (p - mean) * (p - mean).transpose();
+  const Eigen::Vector3d values = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvalues();
+  constexpr double kNothing = 1e-12, kThin = 1e-10;  // m^2; of the largest
+  if (!(values(2) > kNothing)) return 0;
+  return values(1) > kThin * values(2) ? 2 : 1;
+}
+
+/// Why an ATE cannot be given.
+std::string why_no_ate(Trajectory estimate, Trajectory groundtruth, const std::string& est_name,
+                       const std::string& gt_name, Alignment alignment) {
+  const auto pairs = associate(times_of_poses(groundtruth), times_of_poses(estimate), kNear);
+  const std::string ranges = both_ranges(estimate, groundtruth, est_name, gt_name);
+  const bool any = alignment == Alignment::none || alignment == Alignment::first;
+  if (pairs.size() < (any ? 1U : 3U))
+    return fmt::format("no ATE: {} of {} poses have one of the ground truth within {} s, {} are needed; {}",
+                       pairs.size(), estimate.size(), kNear, any ? 1 : 3, ranges);
+  std::array<std::vector<Eigen::Vector3d>, 2> points;
+  for (const auto& [i, j] : pairs) {
+    points[0].push_back(estimate[j].T_w_c.translation());
+    points[1].push_back(groundtruth[i].T_w_c.translation());
+  }
+  const int of_estimate = dimensions_of(points[0]), of_truth = dimensions_of(points[1]);
+  const bool truth = of_truth < of_estimate;
+  return fmt::format(
+      "no ATE: the positions of {} {}, which leaves the rotation between the two open "
+      "(--align first or none compares without one); {}",
+      truth ? gt_name : est_name,
+      std::min(of_estimate, of_truth) == 0 ? "are all in one place" : "lie on one line", ranges);
+}
+
+std::string why_no_rpe(Trajectory estimate, Trajectory groundtruth, const std::string& est_name,
+                       const std::string& gt_name) {
+  return fmt::format("no RPE: fewer than 2 intervals of {} s have poses of both; {}", kInterval,
+                     both_ranges(estimate, groundtruth, est_name, gt_name));
+}
+
+std::vector<StampedPose<double>> shifted(Trajectory poses, double offset) {
+  std::vector<StampedPose<double>> result(poses.begin(), poses.end());
+  for (auto& pose : result) pose = {pose.t + offset, pose.T_w_c};
+  return result;
 }
 
 }  // namespace
 
-TrajectoryReport evaluate_trajectory(std::span<const StampedPose<double>> estimate,
-                                     std::span<const StampedPose<double>> groundtruth,
-                                     const std::string& est_name, const std::string& gt_name) {
-  const auto ate = absolute_trajectory_error<double>(estimate, groundtruth);
-  if (!ate) {
-    throw InputError(gt_name, 0,
-                     fmt::format("cannot be aligned with {}: fewer than 3 poses within 0.02 s, or positions "
-                                 "on one line or in one place",
-                                 est_name));
+std::optional<Alignment> parse_alignment(std::string_view name) {
+  for (const auto& [alignment, its_name] : kAlignments) {
+    if (name == its_name) return alignment;
   }
-  const auto rpe = relative_pose_error<double>(estimate, groundtruth);
-  if (!rpe)
-    throw InputError(est_name, 0,
-                     fmt::format("has fewer than 2 intervals of 1 s with ground truth in {}", gt_name));
-  return {*ate, *rpe, end_error<double>(estimate, groundtruth).value_or(0.0)};
+  return std::nullopt;
 }
 
-TrajectoryReport evaluate_trajectory(const fs::path& estimate, const fs::path& groundtruth) {
-  return evaluate_trajectory(estimate, groundtruth, SequenceOptions{});
+std::string_view to_string(Alignment alignment) {
+  for (const auto& [one, name] : kAlignments) {
+    if (one == alignment) return name;
+  }
+  return "unknown";
+}
+
+TrajectoryReport evaluate_trajectory(Trajectory given, Trajectory groundtruth, const std::string& est_name,
+                                     const std::string& gt_name, const EvaluationOptions& options) {
+  TrajectoryReport report;
+  std::optional<double> offset = options.offset;
+  if (options.find_offset) {
+    offset = clock_offset(given, groundtruth);
+    if (!offset)
+      throw InputError(
+          est_name, 0,
+          "does not tell the offset of its clock: it turns and moves too little, or otherwise than " +
+              gt_name);
+    report.notes.push_back(
+        fmt::format("offset of the clocks: {:.4f} s added to the estimate's times", *offset));
+  }
+  const std::vector<StampedPose<double>> moved = shifted(given, offset.value_or(0));
+  const Trajectory estimate = offset ? Trajectory(moved) : given;
+  const auto ate = absolute_trajectory_error<double>(estimate, groundtruth, kNear, options.alignment);
+  const auto rpe = relative_pose_error<double>(estimate, groundtruth, kInterval);
+  report.ate.translation = report.rpe.translation = report.rpe.rotation_deg = not_given();
+  report.end_error = std::numeric_limits<double>::quiet_NaN();
+  std::vector<std::string> missing;
+  if (ate) {
+    report.ate = *ate;
+  } else {
+    missing.push_back(why_no_ate(estimate, groundtruth, est_name, gt_name, options.alignment));
+  }
+  if (rpe) {
+    report.rpe = *rpe;
+  } else {
+    missing.push_back(why_no_rpe(estimate, groundtruth, est_name, gt_name));
+  }
+  if (!ate && !rpe) throw InputError(gt_name, 0, missing.front());
+  if (const auto error = end_error<double>(estimate, groundtruth)) report.end_error = *error;
+  if (options.alignment == Alignment::sim3)
+    report.notes.push_back(fmt::format("scale: the estimate times {:.6f}", report.ate.scale));
+  report.notes.insert(report.notes.end(), missing.begin(), missing.end());
+  if (ate && rpe) note_turned_body(estimate, groundtruth, *ate, *rpe, report.notes);
+  return report;
 }
 
 TrajectoryReport evaluate_trajectory(const fs::path& estimate, const fs::path& groundtruth,
-                                     const SequenceOptions& options) {
-  const fs::path file = fs::is_directory(estimate) ? estimate / kFinal : estimate;
-  const auto est = read_trajectory(file);
-  const Truth truth = read_truth(groundtruth, options);
-  return evaluate_trajectory(est, truth.poses, file.string(), truth.name);
+                                     const EvaluationOptions& options) {
+  const NamedPoses est = read_poses(fs::is_directory(estimate) ? estimate / kFinal : estimate);
+  const NamedPoses truth = read_truth(groundtruth, options);
+  TrajectoryReport report = evaluate_trajectory(est.poses, truth.poses, est.name, truth.name, options);
+  for (const auto& notes : {est.notes, truth.notes})
+    report.notes.insert(report.notes.end(), notes.begin(), notes.end());
+  return report;
 }
 
 nlohmann::json to_json(const TrajectoryReport& report) {
@@ -113,40 +221,52 @@ nlohmann::json to_json(const TrajectoryReport& report) {
           {"ate_m", to_json(report.ate.translation)},
           {"rpe_trans_m", to_json(report.rpe.translation)},
           {"rpe_rot_deg", to_json(report.rpe.rotation_deg)},
-          {"end_error_m", report.end_error}};
+          {"end_error_m", report.end_error},
+          {"notes", report.notes}};
 }
 
 std::string to_text(const TrajectoryReport& report) {
-  return fmt::format("{} pairs{:>{}} {:>9} {:>9} {:>9} {:>9} {:>9}\n", report.ate.pairs, "RMSE",
-                     32 - 6 - static_cast<int>(std::to_string(report.ate.pairs).size()), "mean", "median",
-                     "S.D.", "min", "max") +
-         row("ATE [m]", report.ate.translation) + row("RPE translation [m/s]", report.rpe.translation) +
-         row("RPE rotation [deg/s]", report.rpe.rotation_deg) +
-         fmt::format("{:<22} {:>9.6f}\n", "first to last [m]", report.end_error);
+  const bool ate = report.ate.pairs > 0, rpe = report.rpe.pairs > 0;
+  std::string text = fmt::format("{} pairs{:>{}} {:>9} {:>9} {:>9} {:>9} {:>9}\n", report.ate.pairs, "RMSE",
+                                 32 - 6 - static_cast<int>(std::to_string(report.ate.pairs).size()), "mean",
+                                 "median", "S.D.", "min", "max");
+  if (ate) text += row("ATE [m]", report.ate.translation);
+  if (rpe)
+    text += row("RPE translation [m/s]", report.rpe.translation) +
+            row("RPE rotation [deg/s]", report.rpe.rotation_deg);
+  if (std::isfinite(report.end_error))
+    text += fmt::format("{:<22} {:>9.6f}\n", "first to last [m]", report.end_error);
+  for (const std::string& note : report.notes) text += note + '\n';
+  return text;
 }
 
-RunReport evaluate_run(std::span<const StampedPose<double>> trajectory,
-                       std::span<const StampedPose<double>> live,
-                       std::span<const StampedPose<double>> groundtruth, const fs::path& folder,
-                       const std::string& gt_name) {
+RunReport evaluate_run(Trajectory trajectory, Trajectory live, Trajectory groundtruth, const fs::path& folder,
+                       const std::string& gt_name, const EvaluationOptions& options) {
   RunReport report;
-  report.trajectory = evaluate_trajectory(trajectory, groundtruth, (folder / kFinal).string(), gt_name);
+  report.trajectory =
+      evaluate_trajectory(trajectory, groundtruth, (folder / kFinal).string(), gt_name, options);
   try {
-    report.live = evaluate_trajectory(live, groundtruth, (folder / kLive).string(), gt_name);
+    report.live = evaluate_trajectory(live, groundtruth, (folder / kLive).string(), gt_name, options);
   } catch (const InputError& error) {
     report.no_live = error.what();
   }
   return report;
 }
 
-RunReport evaluate_run(const fs::path& folder, const fs::path& groundtruth, const SequenceOptions& options) {
-  const auto trajectory = read_trajectory(folder / kFinal);
-  const Truth truth = read_truth(groundtruth, options);
-  if (fs::exists(folder / kLive))
-    return evaluate_run(trajectory, read_trajectory(folder / kLive), truth.poses, folder, truth.name);
+RunReport evaluate_run(const fs::path& folder, const fs::path& groundtruth,
+                       const EvaluationOptions& options) {
+  const NamedPoses est = read_poses(folder / kFinal);
+  const NamedPoses truth = read_truth(groundtruth, options);
   RunReport report;
-  report.trajectory = evaluate_trajectory(trajectory, truth.poses, (folder / kFinal).string(), truth.name);
-  report.no_live = fmt::format("{} is missing, as in runs of earlier versions", (folder / kLive).string());
+  if (fs::exists(folder / kLive)) {
+    report =
+        evaluate_run(est.poses, read_poses(folder / kLive).poses, truth.poses, folder, truth.name, options);
+  } else {
+    report.trajectory = evaluate_trajectory(est.poses, truth.poses, est.name, truth.name, options);
+    report.no_live = fmt::format("{} is missing, as in runs of earlier versions", (folder / kLive).string());
+  }
+  for (const auto& notes : {est.notes, truth.notes})
+    report.trajectory.notes.insert(report.trajectory.notes.end(), notes.begin(), notes.end());
   return report;
 }
 
@@ -160,80 +280,6 @@ std::string to_text(const RunReport& report) {
   return "In the end (trajectory.txt)\n" + to_text(report.trajectory) +
          (report.live ? "As the frames came (trajectory_live.txt)\n" + to_text(*report.live)
                       : fmt::format("no live trajectory: {}\n", report.no_live));
-}
-
-MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth, int widen) {
-  if (!fs::is_directory(predicted)) throw InputError(predicted.string(), 0, "is not a folder");
-  const std::vector<fs::path> names = mask_names(truth);
-  MaskReport report;
-  std::size_t both = 0, either = 0, in_truth = 0, in_prediction = 0;
-  std::vector<double> spill;
-  const cv::Mat around = cv::getStructuringElement(cv::MORPH_ELLIPSE, cv::Size(2 * widen + 1, 2 * widen + 1));
-  for (const fs::path& name : names) {
-    const cv::Mat expected = read_image(truth / name, cv::IMREAD_GRAYSCALE) != 0;
-    cv::Mat found = cv::Mat::zeros(expected.size(), CV_8UC1);
-    if (fs::exists(predicted / name)) {
-      found = read_image(predicted / name, cv::IMREAD_GRAYSCALE) != 0;
-      if (found.size() != expected.size())
-        throw InputError((predicted / name).string(), 0, "and its truth differ in size");
-    } else {
-      ++report.missing;
-    }
-    const auto common = static_cast<std::size_t>(cv::countNonZero(found & expected));
-    const auto wanted = static_cast<std::size_t>(cv::countNonZero(expected));
-    both += common;
-    in_truth += wanted;
-    in_prediction += static_cast<std::size_t>(cv::countNonZero(found));
-    either += static_cast<std::size_t>(cv::countNonZero(found | expected));
-    if (wanted > 0 && ratio(common, wanted) < 0.3) ++report.frames_recall_below_0_3;
-    cv::Mat near = expected;
-    if (widen > 0) cv::dilate(expected, near, around);
-    spill.push_back(ratio(static_cast<std::size_t>(cv::countNonZero(found & ~near)), expected.total()));
-    ++report.frames;
-  }
-  if (report.missing == report.frames)
-    throw InputError(predicted.string(), 0, "has no mask in common with " + truth.string());
-  report.iou = ratio(both, either);
-  report.recall = ratio(both, in_truth);
-  report.precision = ratio(both, in_prediction);
-  report.spill = shares_of(std::move(spill));
-  return report;
-}
-
-nlohmann::json to_json(const MaskReport& r) {
-  return {{"frames", r.frames},
-          {"missing", r.missing},
-          {"iou", r.iou},
-          {"recall", r.recall},
-          {"precision", r.precision},
-          {"frames_recall_below_0_3", r.frames_recall_below_0_3},
-          {"spill", to_json(r.spill)}};
-}
-
-std::string to_text(const MaskReport& r) {
-  return fmt::format(
-      "{} frames ({} without a prediction): recall {:.4f}, IoU {:.4f}, precision {:.4f}, {} frames with "
-      "recall below 0.3; beyond the truth {:.2f} % of a frame's pixels, worst {:.2f} %\n",
-      r.frames, r.missing, r.recall, r.iou, r.precision, r.frames_recall_below_0_3, 100 * r.spill.mean,
-      100 * r.spill.worst);
-}
-
-MaskShares mask_shares(const fs::path& folder) {
-  std::vector<double> shares;
-  for (const fs::path& name : mask_names(folder)) {
-    const cv::Mat mask = read_image(folder / name, cv::IMREAD_GRAYSCALE);
-    shares.push_back(ratio(static_cast<std::size_t>(cv::countNonZero(mask)), mask.total()));
-  }
-  return shares_of(std::move(shares));
-}
-
-nlohmann::json to_json(const MaskShares& s) {
-  return {{"frames", s.frames}, {"mean", s.mean}, {"p95", s.p95}, {"worst", s.worst}};
-}
-
-std::string to_text(const MaskShares& s) {
-  return fmt::format("{} frames: masks cover {:.2f} % of a frame's pixels, p95 {:.2f} %, worst {:.2f} %\n",
-                     s.frames, 100 * s.mean, 100 * s.p95, 100 * s.worst);
 }
 
 }  // namespace dynslam::runtime

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "dynslam/runtime/io/text_lines.hpp"
+
 namespace dynslam::runtime {
 namespace {
 
@@ -17,6 +19,19 @@ const std::string& at(const std::vector<std::string>& row, std::size_t column) {
 }
 
 }  // namespace
+
+std::string markdown_text(std::string_view text) {
+  std::string result;
+  for (const char c : printable(text)) {
+    if (c == '<' || c == '>' || c == '&') {
+      result += c == '<' ? "&lt;" : c == '>' ? "&gt;" : "&amp;";
+    } else {
+      if (std::string_view("\\|`").find(c) != std::string_view::npos) result += '\\';
+      result += c;
+    }
+  }
+  return result;
+}
 
 std::string cell(double value, int decimals, const std::string& unit) {
   if (!std::isfinite(value)) return "-";
@@ -51,10 +66,7 @@ std::string to_markdown(const Table& table) {
   const auto add = [&](const std::vector<std::string>& row) {
     text += '|';
     for (std::size_t c = 0; c < table.header.size(); ++c) {
-      text += ' ';
-      for (const char letter : at(row, c))
-        text += letter == '|' ? std::string("\\|") : std::string(1, letter);
-      text += " |";
+      text += ' ' + markdown_text(at(row, c)) + " |";
     }
     text += '\n';
   };

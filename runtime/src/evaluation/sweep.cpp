@@ -107,18 +107,24 @@ class SweepReader {
       const std::string near = nearest_name(key, {"sequences", "modes", "seeds", "out"});
       fail(fmt::format("unknown key '{}'{}", key, near.empty() ? near : ", did you mean " + near + "?"));
     }
-    sweep_.out = word_of(value);
+    sweep_.out = plain(word_of(value), key);
     if (sweep_.out.empty()) fail("out: expected a folder");
   }
 
   void set_option(const std::string& key, const TomlValue& value) {
     if (!is_name(key)) fail(fmt::format("'{}' is no option of run", key));
-    for (const char* own : {"out", "dynamics", "seed", "live", "live-speed"}) {
+    for (const char* own : {"out", "dynamics", "seed", "live", "live-speed", "help", "view"}) {
       if (key == own) fail(fmt::format("{} is no option of a sweep's runs", key));
     }
-    std::string word = word_of(value);
+    std::string word = plain(word_of(value), key);
     if (word.empty()) fail(fmt::format("{}: expected text, a number, true or false", key));
     (table_ == "options" ? common_ : variants_.back().second).emplace_back(key, std::move(word));
+  }
+
+  /// Jobs are lines of a list, and results cells of tables.
+  std::string plain(std::string word, const std::string& key) const {
+    if (has_control(word)) fail(fmt::format("{}: '{}' has a control character", key, printable(word)));
+    return word;
   }
 
   const TomlArray& list(const TomlValue& value, const char* of) const {
@@ -129,10 +135,11 @@ class SweepReader {
 
   void set_sequences(const TomlValue& value) {
     for (const TomlValue& one : list(value, "sequences")) {
-      std::string path = word_of(one);
+      std::string path = plain(word_of(one), "sequences");
       const fs::path full = (sweep_.folder / path).lexically_normal();
       const std::string name = (full.has_filename() ? full : full.parent_path()).stem().string();
       if (path.empty() || name.empty()) fail("sequences: expected a list of folders or bags");
+      if (path.front() == '-') fail(fmt::format("sequences: '{0}' reads as an option: write ./{0}", path));
       if (std::find(sweep_.sequences.begin(), sweep_.sequences.end(), name) != sweep_.sequences.end())
         fail(fmt::format("two sequences are called {}", name));
       sweep_.sequences.push_back(name);
@@ -215,7 +222,7 @@ class SweepReader {
 /// The files that the job's result depends on beside its options: what --config names.
 nlohmann::json configuration(const SweepJob& job) {
   for (std::size_t i = 0; i + 1 < job.arguments.size(); ++i) {
-    if (job.arguments[i] == "--config") return read_file(job.arguments[i + 1]);
+    if (job.arguments[i] == "--config") return read_text(job.arguments[i + 1]);
   }
   return nullptr;
 }
@@ -223,7 +230,7 @@ nlohmann::json configuration(const SweepJob& job) {
 }  // namespace
 
 Sweep read_sweep(const fs::path& file) {
-  return SweepReader(file, read_file(file)).read();
+  return SweepReader(file, read_text(file)).read();
 }
 
 nlohmann::json sweep_record(const SweepJob& job, const std::string& program, int exit_code) {
@@ -238,7 +245,7 @@ bool is_done(const SweepJob& job, const fs::path& out, const std::string& progra
   const fs::path file = out / job.name / "job.json";
   std::error_code error;
   if (!fs::is_regular_file(file, error)) return false;
-  const nlohmann::json record = nlohmann::json::parse(read_file(file), nullptr, false);
+  const nlohmann::json record = nlohmann::json::parse(read_text(file), nullptr, false);
   return record == sweep_record(job, program, 0);
 }
 

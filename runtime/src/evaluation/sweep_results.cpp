@@ -13,6 +13,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluation/sweep.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
+#include "dynslam/runtime/io/text_lines.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -53,6 +54,7 @@ struct Spread {
 };
 
 Spread spread_of(std::vector<double> values) {
+  std::erase_if(values, [](double v) { return !std::isfinite(v); });  // that could not be given
   Spread s;
   s.count = values.size();
   if (values.empty()) return s;
@@ -194,8 +196,10 @@ std::vector<std::string> remarks(const Sweep& sweep, const std::vector<SweepRun>
   return lines;
 }
 
-std::string latex(std::string_view text) {
+std::string latex(std::string_view given) {
   std::string result;
+  const std::string text_on_a_line = printable(given);
+  const std::string_view text = text_on_a_line;
   for (std::size_t i = 0; i < text.size(); ++i) {
     if (text.substr(i).starts_with("±")) {
       result += "$\\pm$";
@@ -233,6 +237,23 @@ nlohmann::json json_of(const Spread& s) {
           {"max", s.most},         {"runs", s.count}};
 }
 
+/// Frames and poses of a run. @throws InputError naming file, field and reason
+void take_summary(const fs::path& file, SweepRun& run) {
+  const nlohmann::json summary = nlohmann::json::parse(read_text(file), nullptr, false);
+  if (!summary.is_object()) throw InputError(file.string(), 0, "is no JSON object, or was cut");
+  const auto count = [&](const char* key) {
+    const auto found = summary.find(key);
+    if (found == summary.end() || !found->is_number_unsigned())
+      throw InputError(file.string(), 0, fmt::format("\"{}\" is no whole number", key));
+    return found->get<std::size_t>();
+  };
+  const std::size_t frames = count("frames"), tracked = count("tracked");
+  if (tracked > frames)
+    throw InputError(file.string(), 0, fmt::format("\"tracked\" is {} of {} frames", tracked, frames));
+  run.frames = frames;
+  run.tracked = tracked;
+}
+
 }  // namespace
 
 std::vector<SweepRun> gather_sweep(const Sweep& sweep, const fs::path& out, const std::string& program) {
@@ -246,13 +267,8 @@ std::vector<SweepRun> gather_sweep(const Sweep& sweep, const fs::path& out, cons
                         : "was not run";
       continue;
     }
-    const nlohmann::json summary =
-        nlohmann::json::parse(read_file(out / job.name / "summary.json"), nullptr, false);
-    if (summary.is_object()) {
-      run.frames = summary.value("frames", std::size_t(0));
-      run.tracked = summary.value("tracked", std::size_t(0));
-    }
     try {
+      take_summary(out / job.name / "summary.json", run);
       SequenceOptions reading;
       for (std::size_t i = 0; i + 1 < job.arguments.size(); ++i) {
         if (job.arguments[i] == "--format") reading.format = job.arguments[i + 1];
@@ -261,6 +277,8 @@ std::vector<SweepRun> gather_sweep(const Sweep& sweep, const fs::path& out, cons
       }
       RunReport report = evaluate_run(out / job.name, job.path, reading);
       run.trajectory = report.trajectory;
+      if (!report.trajectory.notes.empty())
+        run.failure = fmt::format("{}", fmt::join(report.trajectory.notes, "; "));
       run.live = report.live;
     } catch (const InputError& error) {  // one that cannot be compared is a result, too
       run.failure = error.what();
@@ -280,16 +298,19 @@ std::vector<Table> tables(const Sweep& sweep, const std::vector<SweepRun>& runs)
 }
 
 std::string to_markdown(const Sweep& sweep, const std::vector<SweepRun>& runs, const std::string& program) {
-  std::string text = fmt::format("## {}\n\n{}\n", sweep.name, program);
+  std::string text = fmt::format("## {}\n\n{}\n", markdown_text(sweep.name), markdown_text(program));
   for (const Table& table : tables(sweep, runs)) text += '\n' + to_markdown(table);
   text += '\n';
-  for (const std::string& line : remarks(sweep, runs)) text += "- " + line + '\n';
-  return text + "\n```toml\n" + sweep.text + (sweep.text.ends_with('\n') ? "```\n" : "\n```\n");
+  for (const std::string& line : remarks(sweep, runs)) text += "- " + markdown_text(line) + '\n';
+  std::string fence = "```";
+  while (sweep.text.find(fence) != std::string::npos) fence += '`';
+  return text + '\n' + fence + "toml\n" + sweep.text + (sweep.text.ends_with('\n') ? "" : "\n") + fence +
+         '\n';
 }
 
 std::string to_latex(const Sweep& sweep, const std::vector<SweepRun>& runs, const std::string& program) {
-  std::string text = fmt::format("% {}: {}\n", sweep.name, program);
-  for (const std::string& line : remarks(sweep, runs)) text += "% " + line + '\n';
+  std::string text = fmt::format("% {}: {}\n", printable(sweep.name), printable(program));
+  for (const std::string& line : remarks(sweep, runs)) text += "% " + printable(line) + '\n';
   for (const Table& table : tables(sweep, runs)) text += '\n' + latex(table);
   return text;
 }

@@ -30,7 +30,7 @@ double largest_difference(const CameraConfig& a, const CameraConfig& b) {
 /// Against the camera that the name of the folder, or of the bag, speaks of.
 void judge_name(const Sequence& sequence, const CameraConfig& camera, std::vector<std::string>& odd) {
   const std::string& named = sequence.folder_camera;
-  const char* whose = sequence.format == "bag" ? "bag" : "folder";
+  const char* whose = sequence.format == "bag" ? "bag" : sequence.format == "ros2" ? "recording" : "folder";
   constexpr double kSame = 0.01;  // of focal lengths, units and the width
   const CameraConfig expected = load_camera(named);
   const auto &k = camera.model.pinhole(), &e = expected.model.pinhole();

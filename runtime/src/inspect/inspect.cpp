@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/inspect/readout.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "inspect/measure.hpp"
 
@@ -17,9 +18,15 @@ namespace {
 namespace fs = std::filesystem;
 using inspect::Burst;
 
+/// Frames that cannot be decoded.
+struct Undecoded {
+  std::size_t count = 0;
+  std::string first;  // place and reason
+};
+
 /// Bursts of consecutive frames, spread over the sequence.
 std::vector<Burst> take_bursts(const Sequence& sequence, const CameraConfig& camera,
-                               const InspectOptions& options) {
+                               const InspectOptions& options, Undecoded& undecoded) {
   const std::size_t n = sequence.frames.size(), length = std::min(std::max<std::size_t>(1, options.burst), n);
   const std::size_t count = std::clamp<std::size_t>(n / length, 1, std::max<std::size_t>(1, options.bursts));
   std::vector<Burst> bursts(count);
@@ -28,7 +35,8 @@ std::vector<Burst> take_bursts(const Sequence& sequence, const CameraConfig& cam
     for (std::size_t i = start; i < start + length; ++i) {
       try {
         bursts[k].push_back(decode_frame(sequence.frames[i], i, camera));
-      } catch (const InputError&) {  // reported with the files
+      } catch (const InputError& error) {
+        if (undecoded.count++ == 0) undecoded.first = error.what();
       }
     }
   }
@@ -63,7 +71,7 @@ void measure_depth(const std::vector<Burst>& bursts, const CameraConfig& camera,
   for (std::size_t k = 0; k < kShares.size(); ++k)
     report.depth_quantiles[k] = inspect::quantile(depths, kShares[k]);
   constexpr double kMany = 0.02, kSparse = 0.2;  // shares of the pixels
-  if (static_cast<double>(largest) > kMany * static_cast<double>(pixels))
+  if (!report.sequence.float_depth && static_cast<double>(largest) > kMany * static_cast<double>(pixels))
     report.odd.push_back(
         fmt::format("{:.0f} % of the depth pixels are 65535, which is no measurement: a camera file with "
                     "invalid_depth = 65535 says so",
@@ -73,24 +81,34 @@ void measure_depth(const std::vector<Burst>& bursts, const CameraConfig& camera,
 }
 
 void judge_scale(const CameraConfig& camera, SequenceReport& report) {
+  const bool metres = report.sequence.float_depth && !report.sequence.frames.front().float_units;
   constexpr double kNearest = 0.1, kFarthest = 50;  // metres
   const double middle = report.depth_quantiles[2];
   if (middle > 0 && (middle < kNearest || middle > kFarthest))
-    report.odd.push_back(
-        fmt::format("half of the depth is {} {:.3g} m: the camera's {} depth units per metre are wrong",
-                    middle < kNearest ? "below" : "beyond", middle, camera.depth_units_per_metre));
+    report.odd.push_back(fmt::format(
+        "half of the depth is {} {:.3g} m: {}", middle < kNearest ? "below" : "beyond", middle,
+        metres
+            ? "it is stored as floats, which are metres"
+            : fmt::format("the camera's {} depth units per metre are wrong", camera.depth_units_per_metre)));
   const TruthReport& truth = report.truth;
   constexpr double kScaleError = 0.2;
-  if (2 * truth.agreeing < truth.motions)
+  // Where people fill the view, few motions can be measured, and these are not the camera's.
+  if (2 * truth.agreeing < truth.motions && 2 * truth.motions >= truth.bursts)
     report.odd.push_back(fmt::format(
         "{} of {} motions measured in the images are not the ground truth's: other times, other axes "
         "or another camera",
         truth.motions - truth.agreeing, truth.motions));
   if (truth.scale && std::abs(*truth.scale - 1) > kScaleError)
-    report.odd.push_back(
-        fmt::format("depth times {:.3f} is what the ground truth's motion asks for: about {:.0f} depth units "
-                    "per metre, not {}",
-                    *truth.scale, camera.depth_units_per_metre / *truth.scale, camera.depth_units_per_metre));
+    report.odd.push_back(fmt::format(
+        "depth times {:.3f} is what the ground truth's motion asks for{}", *truth.scale,
+        metres ? ": it is stored as floats, which are metres"
+               : fmt::format(": about {:.0f} depth units per metre, not {}",
+                             camera.depth_units_per_metre / *truth.scale, camera.depth_units_per_metre)));
+}
+
+/// The line of a camera file that mends stamps of depth. @param offset  [s]
+std::string offset_key(double offset) {
+  return fmt::format("; a camera file with depth_time_offset = {:.3f} says so", offset);
 }
 
 void judge_edges(const CameraConfig& camera, SequenceReport& report) {
@@ -100,10 +118,13 @@ void judge_edges(const CameraConfig& camera, SequenceReport& report) {
   const double rate = report.stamps.colour_rate;
   if (edges.lag != 0 && edges.lag_gain > kGain) {
     report.odd.push_back(fmt::format(
-        "depth comes {:.1f} frames {}{}: its edges fit the colour image {} frame{} {} {:.2f} times better",
+        "depth comes {:.1f} frames {}{}: its edges fit the colour image {} frame{} {} {:.2f} times better{}",
         std::abs(edges.late), edges.lag > 0 ? "late" : "early",
         rate > 0 ? fmt::format(" ({:.0f} ms)", 1000 * std::abs(edges.late) / rate) : "", std::abs(edges.lag),
-        std::abs(edges.lag) > 1 ? "s" : "", edges.lag > 0 ? "before" : "behind", edges.lag_gain));
+        std::abs(edges.lag) > 1 ? "s" : "", edges.lag > 0 ? "before" : "behind", edges.lag_gain,
+        report.sequence.has_stamps && rate > 0
+            ? offset_key(camera.depth_time_offset + report.stamps.delay_median + edges.late / rate)
+            : ""));
   }
   constexpr double kShift = 0.01;  // of the width
   if (std::hypot(edges.shift_x, edges.shift_y) > kShift * camera.width && edges.shift_gain > kGain)
@@ -114,15 +135,17 @@ void judge_edges(const CameraConfig& camera, SequenceReport& report) {
                     edges.shift_y < 0 ? "up" : "down"));
 }
 
-void judge_stamps(SequenceReport& report) {
+/// @param depth_offset  the camera's, which is off the times already [s]
+void judge_stamps(double depth_offset, SequenceReport& report) {
   const StampReport& s = report.stamps;
   const double interval = s.colour_rate > 0 ? 1 / s.colour_rate : 0;
   constexpr double kLate = 0.3, kSteady = 0.1;  // of an interval
-  if (report.sequence.has_stamps && std::abs(s.delay_median) > kLate * interval &&
+  // Where the camera says when depth is taken, it was.
+  if (report.sequence.has_stamps && depth_offset == 0 && std::abs(s.delay_median) > kLate * interval &&
       s.delay_spread < kSteady * interval)
-    report.odd.push_back(fmt::format("depth stamps are {:.1f} ms {} those of colour throughout",
-                                     1000 * std::abs(s.delay_median),
-                                     s.delay_median > 0 ? "after" : "before"));
+    report.odd.push_back(fmt::format("depth stamps are {:.1f} ms {} those of colour throughout{}",
+                                     1000 * std::abs(s.delay_median), s.delay_median > 0 ? "after" : "before",
+                                     ": if the images were taken at once" + offset_key(s.delay_median)));
   constexpr double kPaired = 0.8;
   if (static_cast<double>(s.pairs) < kPaired * static_cast<double>(s.colour_images))
     report.odd.push_back(fmt::format("{} of {} colour images have no depth image{}",
@@ -137,6 +160,21 @@ void judge_stamps(SequenceReport& report) {
       fmt::format("{} gap{}: {} frames are missing; the longest is {:.3f} s, {:.3f} s after "
                   "the start",
                   s.gaps.size(), s.gaps.size() > 1 ? "s" : "", missing, longest->length, longest->t));
+}
+
+/// Rows that are read one after the other, of a camera that does not say so.
+void judge_readout(const CameraConfig& camera, SequenceReport& report) {
+  constexpr std::size_t kFewest = 30, kMost = 150;  // frames: some seconds of computing
+  constexpr double kShort = 0.004;                  // seconds: little depends on less
+  if (camera.readout_time != 0 || report.undecodable || report.sequence.frames.size() < kFewest) return;
+  Sequence part = report.sequence;
+  part.frames.resize(std::min(part.frames.size(), kMost));
+  const ReadoutReport measured = measure_readout(part, camera);
+  if (!measured.readout || std::abs(*measured.readout) < std::max(kShort, measured.half_width)) return;
+  report.odd.push_back(
+      fmt::format("the rows of colour images are read in {:.3f} +- {:.3f} s, of which the camera "
+                  "{} says nothing: a camera file with readout_time = {:.3f} does",
+                  *measured.readout, measured.half_width, camera.name, *measured.readout));
 }
 
 std::string quoted(const std::string& text) {
@@ -194,6 +232,7 @@ SequenceReport inspect_sequence(const fs::path& root, const InspectOptions& opti
   reading.camera = options.camera;
   report.sequence = load_sequence(root, reading);
   const Sequence& sequence = report.sequence;
+  report.odd = sequence.notes;
   find_camera(options, report);
   report.stamps = inspect::measure_stamps(sequence);
   report.colour_size =
@@ -207,16 +246,22 @@ SequenceReport inspect_sequence(const fs::path& root, const InspectOptions& opti
   }
   if (report.camera || !report.depth_size.empty()) {
     const CameraConfig camera = report.camera ? *report.camera : any_camera(report.depth_size);
-    const std::vector<Burst> bursts = take_bursts(sequence, camera, options);
+    Undecoded undecoded;
+    const std::vector<Burst> bursts = take_bursts(sequence, camera, options, undecoded);
     measure_depth(bursts, camera, report);
-    if (report.sampled == 0) report.odd.push_back("none of the frames looked at can be decoded");
+    if (undecoded.count > 0)
+      report.odd.push_back(fmt::format("{} of {} frames looked at cannot be decoded, the first: {}",
+                                       undecoded.count, undecoded.count + report.sampled, undecoded.first));
+    report.undecodable = report.sampled == 0;
     report.edges = inspect::measure_edges(bursts);
     report.truth = inspect::measure_truth(sequence, camera, bursts);
     if (report.camera) judge_scale(camera, report);
     judge_edges(camera, report);
+    if (report.camera) judge_readout(camera, report);
   }
-  judge_stamps(report);
-  report.command = command_for(root, options, report);
+  for (std::string& odd : time_doubts(sequence)) report.odd.push_back(std::move(odd));
+  judge_stamps(report.camera ? report.camera->depth_time_offset : 0, report);
+  if (!report.undecodable) report.command = command_for(root, options, report);
   return report;
 }
 

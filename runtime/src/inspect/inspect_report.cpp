@@ -78,7 +78,7 @@ std::string to_text(const SequenceReport& r) {
   row("truth", truth_text(r));
   if (r.odd.empty()) row("odd", "nothing");
   for (std::size_t i = 0; i < r.odd.size(); ++i) row(i == 0 ? "odd" : "", r.odd[i]);
-  row("run", r.command);
+  row("run", r.command.empty() ? "not before its frames can be decoded" : r.command);
   return text;
 }
 

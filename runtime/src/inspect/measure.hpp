@@ -31,6 +31,13 @@ using Burst = std::vector<RgbdFrame>;
 [[nodiscard]] TruthReport measure_truth(const Sequence& sequence, const CameraConfig& camera,
                                         std::span<const Burst> bursts);
 
+/// Share of these times [s] at which a ground truth has a pose.
+[[nodiscard]] double covered_share(const std::vector<StampedPose<double>>& truth,
+                                   std::span<const double> times);
+
+/// The median time between two [s]; 0 for fewer.
+[[nodiscard]] double median_interval(std::span<const double> times);
+
 /// The q-quantile; 0 for no values.
 [[nodiscard]] double quantile(std::vector<double> values, double q);
 

@@ -8,12 +8,6 @@
 namespace dynslam::runtime::inspect {
 namespace {
 
-double median_interval(const std::vector<double>& times) {
-  std::vector<double> intervals;
-  for (std::size_t i = 1; i < times.size(); ++i) intervals.push_back(times[i] - times[i - 1]);
-  return quantile(std::move(intervals), 0.5);
-}
-
 double rate_of(const std::vector<double>& times) {
   const double interval = median_interval(times);
   return interval > 0 ? 1 / interval : 0;
@@ -26,6 +20,12 @@ double quantile(std::vector<double> values, double q) {
   const auto at = static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1) + 0.5);
   std::nth_element(values.begin(), values.begin() + at, values.end());
   return values[static_cast<std::size_t>(at)];
+}
+
+double median_interval(std::span<const double> times) {
+  std::vector<double> intervals;
+  for (std::size_t i = 1; i < times.size(); ++i) intervals.push_back(times[i] - times[i - 1]);
+  return quantile(std::move(intervals), 0.5);
 }
 
 StampReport measure_stamps(const Sequence& sequence) {

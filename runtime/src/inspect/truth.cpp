@@ -147,21 +147,27 @@ bool about_same(const SE3<double>& measured, const SE3<double>& truth, bool has_
 
 }  // namespace
 
+double covered_share(const std::vector<StampedPose<double>>& truth, std::span<const double> times) {
+  const auto covered =
+      std::count_if(times.begin(), times.end(), [&](double t) { return pose_at(truth, t).has_value(); });
+  return times.empty() ? 0 : static_cast<double>(covered) / static_cast<double>(times.size());
+}
+
 TruthReport measure_truth(const Sequence& sequence, const CameraConfig& camera,
                           std::span<const Burst> bursts) {
   TruthReport report;
   report.poses = sequence.groundtruth.size();
   if (report.poses == 0) return report;
-  std::size_t covered = 0;
-  for (const FrameRecord& frame : sequence.frames)
-    covered += pose_at(sequence.groundtruth, frame.t_rgb) ? 1 : 0;
-  report.covered = static_cast<double>(covered) / static_cast<double>(sequence.frames.size());
+  std::vector<double> times;
+  for (const FrameRecord& frame : sequence.frames) times.push_back(frame.t_rgb);
+  report.covered = covered_share(sequence.groundtruth, times);
   std::vector<double> ratios;
   for (const Burst& burst : bursts) {
     if (burst.size() < 2) continue;
     const auto T_w_first = pose_at(sequence.groundtruth, burst.front().t),
                T_w_last = pose_at(sequence.groundtruth, burst.back().t);
     if (!T_w_first || !T_w_last) continue;
+    ++report.bursts;
     const auto [a, b] = points_of(burst, camera);
     const auto measured = motion_of(a, b);
     if (!measured) continue;

@@ -25,6 +25,7 @@ class CalibrationReader {
 
   CameraFacts read() {
     own_keys();
+    orb_slam();
     facts_.numbers.try_emplace("depth_units_per_metre", kRosUnits);
     size("width", {"image_width", "width"});
     size("height", {"image_height", "height"});
@@ -80,6 +81,36 @@ class CalibrationReader {
         fail(node.line, fmt::format("unknown key '{}'", node.name));
       }
     }
+  }
+
+  /// ORB-SLAM's settings: Camera.fx or Camera1.fx, ..., and DepthMapFactor.
+  void orb_slam() {
+    bool any = false;
+    for (const NamedWords& node : nodes_) {
+      const bool factor = node.name == "DepthMapFactor" || node.name == "RGBD.DepthMapFactor";
+      const auto dot = node.name.find('.');
+      const std::string around = node.name.substr(0, dot);
+      const std::string key = factor                     ? "depth_units_per_metre"
+                              : dot == std::string::npos ? ""
+                                                         : node.name.substr(dot + 1);
+      const bool of_camera = around == "Camera" || around == "Camera1";
+      if (node.words.empty() || !(factor || (of_camera && is_camera_number(key)))) continue;
+      const double value = number(node);
+      constexpr double kNone = 1e-5;  // as ORB-SLAM: depth in metres
+      if (!facts_.numbers.emplace(key, factor && value < kNone ? 1 : value).second)
+        fail(node.line, fmt::format("'{}' once more", node.name));
+      any = any || of_camera;
+    }
+    if (!any || facts_.words.contains("model")) return;
+    const NamedWords* type = find({"Camera.type"});
+    const std::string name = type != nullptr ? type->words[0] : "PinHole";
+    const bool fisheye = name == "KannalaBrandt8", lens = name == "PinHole" || name == "Pinhole";
+    if (!fisheye && !lens && name != "Rectified")
+      fail(type->line, fmt::format("Camera.type '{}' is none of PinHole, KannalaBrandt8, Rectified", name));
+    facts_.words["model"] = fisheye                         ? "kannala_brandt"
+                            : !lens                         ? "pinhole"
+                            : facts_.numbers.contains("k4") ? "rational"
+                                                            : "brown_conrady";
   }
 
   void size(const char* side, std::initializer_list<std::string_view> names) {

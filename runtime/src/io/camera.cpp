@@ -50,6 +50,9 @@ CameraFacts facts_of(std::istream& in, const std::string& file) {
   for (std::array<char, 4096> part{}; in.read(part.data(), part.size()) || in.gcount() > 0;)
     text.append(part.data(), static_cast<std::size_t>(in.gcount()));
   if (in.bad()) throw InputError(file, 0, "cannot be read");
+  text = as_utf8(std::move(text), file);
+  const auto first = text.find_first_not_of(" \t\r\n");
+  if (first != std::string::npos && text[first] == '{') return parse_json_camera(text, file);
   return is_calibration(text) ? parse_calibration(text, file) : parse_own_camera(text, file);
 }
 
@@ -108,7 +111,7 @@ CameraConfig load_camera(const std::string& name_or_file, double usual_units) {
     return camera;
   }
   const std::string file = file_of(name_or_file);
-  std::istringstream in(read_file(file));
+  std::istringstream in(read_text(file));
   CameraFacts facts = facts_of(in, file);
   facts.numbers.try_emplace("depth_units_per_metre", usual_units);
   return camera_of_facts(facts, file);
@@ -146,7 +149,7 @@ CameraConfig load_camera(const std::string& name_or_file) {
   if (name_or_file.empty())
     throw UsageError("the camera is not known from the sequence: give --camera fr1|fr2|fr3|bonn|FILE");
   const std::string file = file_of(name_or_file);
-  std::istringstream in(read_file(file));
+  std::istringstream in(read_text(file));
   return parse_camera(in, file);
 }
 

@@ -28,6 +28,10 @@ struct CameraFacts {
 /// ROS' camera_info and OpenCV's FileStorage, YAML or XML. @throws InputError (line)
 [[nodiscard]] CameraFacts parse_calibration(const std::string& text, const std::string& file);
 
+/// Open3D's {"width", "height", "intrinsic_matrix"} and NICE-SLAM's {"camera": {"w", "h", "fx", ...}}, with
+/// numbers under dynslam's names beside them. @throws InputError
+[[nodiscard]] CameraFacts parse_json_camera(const std::string& text, const std::string& file);
+
 /// @throws InputError naming the file: a missing number, one out of its range, one that the model lacks
 [[nodiscard]] CameraConfig camera_of_facts(const CameraFacts& facts, const std::string& file);
 

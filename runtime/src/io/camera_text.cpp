@@ -4,6 +4,7 @@
 #include <string>
 
 #include "dynslam/runtime/io/convert.hpp"
+#include "dynslam/runtime/io/text_lines.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -39,7 +40,7 @@ std::string noise_text(const DepthNoise<double>& noise) {
 std::string camera_text(const CameraConfig& camera) {
   const Pinhole<double>& pinhole = camera.model.pinhole();
   std::string text;
-  if (!camera.name.empty()) text += fmt::format("name = {}\n", camera.name);
+  if (!camera.name.empty()) text += fmt::format("name = {}\n", printable(camera.name));
   text += fmt::format("width = {}\nheight = {}\nfx = {}\nfy = {}\ncx = {}\ncy = {}\n", camera.width,
                       camera.height, pinhole.fx(), pinhole.fy(), pinhole.cx(), pinhole.cy());
   text += lens_text(camera.model);

@@ -38,28 +38,32 @@ cv::Mat scaled_colour(const cv::Mat& image, cv::Size size) {
   return scaled;
 }
 
-/// 16-bit depth in the camera's units; what is none, or too far for 16 bits, is 0.
-cv::Mat scaled_depth(const cv::Mat& metres, cv::Size size, double units) {
+/// 16-bit depth in the camera's units; what is none, or does not fit into 16 bits, is 0 and counted.
+cv::Mat scaled_depth(const cv::Mat& metres, cv::Size size, double units, ConvertReport& report) {
   cv::Mat raw(metres.size(), CV_16UC1), scaled;
   for (int v = 0; v < metres.rows; ++v) {
     const auto* z = metres.ptr<float>(v);
     auto* out = raw.ptr<std::uint16_t>(v);
     for (int u = 0; u < metres.cols; ++u) {
       const double value = static_cast<double>(z[u]) * units + 0.5;
-      out[u] = value >= 1 && value < 65536 ? static_cast<std::uint16_t>(value) : std::uint16_t(0);  // NaN: 0
+      const bool fits = value >= 1 && value < 65536;  // NaN: no
+      out[u] = fits ? static_cast<std::uint16_t>(value) : std::uint16_t(0);
+      report.depth_pixels += z[u] > 0 ? 1 : 0;
+      report.too_far += z[u] > 0 && !fits ? 1 : 0;
     }
   }
+  report.without_depth += cv::countNonZero(raw) == 0 ? 1 : 0;
   if (raw.size() == size) return raw;
   cv::resize(raw, scaled, size, 0, 0, cv::INTER_NEAREST_EXACT);
   return scaled;
 }
 
 void write_frame(const RgbdFrame& frame, const FrameRecord& record, cv::Size size, double units,
-                 const fs::path& out, Lists& lists) {
+                 const fs::path& out, Lists& lists, ConvertReport& report) {
   const std::string t = seconds(record.t_rgb, record.ns), t_depth = seconds(record.t_depth, 0);
   const std::string colour = "rgb/" + t + ".png", depth = "depth/" + t_depth + ".png";
   write_image(out / colour, scaled_colour(frame.bgr, size));
-  write_image(out / depth, scaled_depth(frame.depth, size, units));
+  write_image(out / depth, scaled_depth(frame.depth, size, units, report));
   lists.colour += fmt::format("{} {}\n", t, colour);
   lists.depth += fmt::format("{} {}\n", t_depth, depth);
   lists.pairs += fmt::format("{} {} {} {}\n", t, colour, t_depth, depth);
@@ -113,7 +117,7 @@ ConvertReport convert_sequence(const Sequence& sequence, const CameraConfig& cam
   FrameStream stream(taken, camera);
   while (const std::optional<FrameResult> next = stream.next()) {
     if (next->frame) {
-      write_frame(*next->frame, next->record, size, camera.depth_units_per_metre, out, lists);
+      write_frame(*next->frame, next->record, size, camera.depth_units_per_metre, out, lists, report);
       ++report.written;
     } else {
       report.broken.push_back(next->error);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "dynslam/runtime/io/frame_stream.hpp"
 
+#include <fmt/format.h>
+
 #include <exception>
 #include <new>
 #include <opencv2/imgproc.hpp>
@@ -30,11 +32,20 @@ RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const Camer
                0, cv::INTER_AREA);
   }
   const cv::Mat raw = read_image(record, ImageSource::Kind::depth, camera_size);
-  const bool metres = record.source && raw.type() == CV_32FC1;
-  if (!metres && raw.type() != CV_16UC1)
-    throw InputError(record.depth.string(), 0, "is not a 16-bit image of one channel");
+  const bool floats = record.source && raw.type() == CV_32FC1;
+  if (!floats && raw.type() != CV_16UC1)
+    throw InputError(record.depth.string(), 0,
+                     fmt::format("is not a 16-bit image of one channel, as depth is, but has {} bits and {} "
+                                 "channel{}",
+                                 8 * raw.elemSize1(), raw.channels(), raw.channels() == 1 ? "" : "s"));
   cv::cvtColor(frame.bgr, frame.gray, cv::COLOR_BGR2GRAY);
-  frame.depth = metres ? raw : depth_in_metres(raw, camera);
+  if (!floats) {
+    frame.depth = depth_in_metres(raw, camera);
+  } else if (record.float_units) {
+    raw.convertTo(frame.depth, CV_32FC1, 1 / camera.depth_units_per_metre);
+  } else {
+    frame.depth = raw;
+  }
   return frame;
 }
 

@@ -53,6 +53,10 @@ void check_times(const RgbdFrame& input, const std::optional<double>& last_t) {
   if (!std::isfinite(input.t) || !std::isfinite(input.depth_delay))
     refuse(input, fmt::format("the time {} s or the delay {} s of its depth is not a number", input.t,
                               input.depth_delay));
+  constexpr double kFarthest = 1e18;  // seconds: no clock counts so many of anything
+  if (std::abs(input.t) > kFarthest || std::abs(input.depth_delay) > kFarthest)
+    refuse(input, fmt::format("the time {} s or the delay {} s of its depth is no time in seconds", input.t,
+                              input.depth_delay));
   if (last_t && input.t <= *last_t)
     refuse(input,
            fmt::format("its time {} s does not come after {} s, the frame's before", input.t, *last_t));

@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/text_lines.hpp"
 #include "io/file_handle.hpp"
 
 namespace dynslam::runtime {
@@ -44,6 +45,10 @@ std::string read_file(const std::filesystem::path& path, std::uint64_t limit) {
   }
   content.resize(length);
   return content;
+}
+
+std::string read_text(const std::filesystem::path& path, std::uint64_t limit) {
+  return as_utf8(read_file(path, limit), path.string());
 }
 
 void check_regular_file(const std::filesystem::path& path) {

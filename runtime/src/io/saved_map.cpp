@@ -193,8 +193,10 @@ void save_slam_map(const LocalMap& map, const CameraConfig& camera, const Semant
   } else if (!otherwise.folder.empty() && fs::exists(otherwise.folder / kScans)) {
     copy_scans(otherwise.folder / kScans, otherwise.map_id, draft.path() / kScans, id);
     const fs::path octree = map_file_in(otherwise.folder);
-    if (fs::exists(octree))
+    if (fs::exists(octree)) {
+      (void)load_map(octree);  // what is copied is a map
       write_file(draft.path() / kMapFile, read_file(octree, std::numeric_limits<std::uint64_t>::max()));
+    }
   }
   draft.publish();
   clear_leftovers(folder, kMapFiles);

@@ -10,6 +10,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
+#include "dynslam/runtime/io/text_lines.hpp"
 #include "io/camera_facts.hpp"
 #include "io/formats/format.hpp"
 
@@ -19,9 +20,12 @@ namespace {
 namespace fs = std::filesystem;
 using formats::Format;
 
-constexpr std::array<const Format*, 9> kFormats{
+constexpr std::array<const Format*, 10> kFormats{
     &formats::kTum,     &formats::kBonn,    &formats::kEth3d,   &formats::kIclNuim, &formats::kSevenScenes,
-    &formats::kReplica, &formats::kScanNet, &formats::kRedwood, &formats::kBag};
+    &formats::kReplica, &formats::kScanNet, &formats::kRedwood, &formats::kBag,     &formats::kRos2};
+
+/// Those that may be a file.
+constexpr std::array<const Format*, 2> kRecordings{&formats::kBag, &formats::kRos2};
 
 std::string names() {
   std::string text;
@@ -44,6 +48,17 @@ std::string contents(const fs::path& root) {
   return found.empty() ? "nothing" : text;
 }
 
+/// What the folders that may hold images have, for a message.
+std::string image_folders(const fs::path& root) {
+  std::string text;
+  for (const char* name : {"color", "image", "rgb", "depth"}) {
+    if (fs::is_directory(root / name))
+      text +=
+          fmt::format("{} {}/ holds {}", text.empty() ? ". Of images," : ";", name, contents(root / name));
+  }
+  return text;
+}
+
 const Format& format_by_name(const std::string& name) {
   const auto found =
       std::find_if(kFormats.begin(), kFormats.end(), [&](const Format* f) { return f->name == name; });
@@ -60,8 +75,8 @@ const Format& format_by_looking(const fs::path& root) {
   if (matching.empty())
     throw InputError(root.string(), 0,
                      fmt::format("is of no known format; it holds {}. Each format's files are in "
-                                 "docs/your-own-data.md; --format {} names one",
-                                 contents(root), names()));
+                                 "docs/your-own-data.md; --format {} names one{}",
+                                 contents(root), names(), image_folders(root)));
   std::string found;
   for (const Format* format : matching)
     found += fmt::format("{}{} ({})", found.empty() ? "" : " and of ", format->name, format->files);
@@ -71,10 +86,14 @@ const Format& format_by_looking(const fs::path& root) {
 
 const Format& format_of(const fs::path& root, const std::string& name) {
   const bool folder = fs::is_directory(root);
-  if (name == formats::kBag.name) return formats::kBag;  // which says itself what is no bag
+  for (const Format* recording : kRecordings) {
+    if (name == recording->name) return *recording;  // which says itself what is none
+  }
   if (!folder && name.empty() && fs::exists(root)) {
-    if (formats::kBag.matches(root)) return formats::kBag;
-    throw InputError(root.string(), 0, "is neither a folder nor a ROS 1 bag");
+    for (const Format* recording : kRecordings) {
+      if (recording->matches(root)) return *recording;
+    }
+    throw InputError(root.string(), 0, "is neither a folder nor a recording of ROS (.bag, .mcap, .db3)");
   }
   if (!folder) throw InputError(root.string(), 0, "is not a folder");
   return name.empty() ? format_by_looking(root) : format_by_name(name);
@@ -99,8 +118,12 @@ std::vector<std::string> formats_of(const fs::path& root) {
 Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
   if (!(options.rate > 0 && options.rate <= 1e6))
     throw UsageError(fmt::format("a rate of {} frames per second is none", options.rate));
+  if (has_control(root.string()))
+    throw InputError(root.string(), 0,
+                     "has a control character in its name, which no list of names can hold");
   const Format& format = format_of(root, options.format);
-  if (!options.topics.empty() && &format != &formats::kBag)
+  if (!options.topics.empty() &&
+      std::find(kRecordings.begin(), kRecordings.end(), &format) == kRecordings.end())
     throw UsageError(fmt::format("--topics is for bags; {} is of the format {}", root.string(), format.name));
   Sequence sequence = format.load(root, options);
   sequence.format = std::string(format.name);
@@ -116,7 +139,7 @@ CameraConfig camera_of(const Sequence& sequence, const std::string& name_or_file
   if (named.empty() && sequence.camera) return *sequence.camera;
   CameraConfig camera;
   if (formats::is_eth3d_camera(named)) {
-    std::istringstream in(read_file(named));
+    std::istringstream in(read_text(named));
     camera = formats::parse_eth3d_camera(in, formats::first_size(sequence.frames, false), named);
     if (sequence.depth_units > 0) camera.depth_units_per_metre = sequence.depth_units;
   } else {

@@ -22,44 +22,39 @@ namespace {
 
 constexpr double kFarthest = 1e12;  // metres; squares of differences keep their digits
 
-}  // namespace
-
-std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::string& name) {
-  std::vector<StampedPose<double>> trajectory;
-  LineReader reader(in);
-  while (reader.next()) {
-    const auto words = split_words(reader.line());
-    if (words.size() != 8) {
-      throw InputError(
-          name, reader.number(),
-          fmt::format("expected 8 columns (timestamp tx ty tz qx qy qz qw), found {}", words.size()));
-    }
-    const auto refuse = [&](std::string_view word) {
-      throw InputError(name, reader.number(), fmt::format("'{}' is not a finite number", word));
-    };
-    const auto time = parse_time(words[0]);
-    if (!time) refuse(words[0]);
-    std::array<double, 8> value{};
-    for (std::size_t i = 1; i < value.size(); ++i) {
-      const auto number = parse_number(words[i]);
-      if (!number) refuse(words[i]);
-      value[i] = *number;
-    }
-    Eigen::Quaterniond q(value[7], value[4], value[5], value[6]);
-    const double largest = q.coeffs().cwiseAbs().maxCoeff();
-    if (largest > 1) q.coeffs() /= largest;  // its square may be no number any more
-    for (std::size_t i = 1; i < 4; ++i) {
-      if (std::abs(value[i]) > kFarthest)
-        throw InputError(name, reader.number(), fmt::format("'{}' is too far to be a position", words[i]));
-    }
-    if (!(q.norm() > 1e-6)) throw InputError(name, reader.number(), "the quaternion is zero");
-    trajectory.push_back(
-        {time->t, SE3<double>(q.normalized(), Eigen::Vector3d(value[1], value[2], value[3])), time->ns});
+/// @throws InputError with the line
+StampedPose<double> pose_of_row(const LineReader& reader, const std::string& name) {
+  const auto words = split_words(reader.line());
+  if (words.size() != 8) {
+    throw InputError(
+        name, reader.number(),
+        fmt::format("expected 8 columns (timestamp tx ty tz qx qy qz qw), found {}", words.size()));
   }
-  if (in.bad()) throw InputError(name, 0, "cannot be read");
-  if (trajectory.empty()) throw InputError(name, 0, "holds no poses");
-  // As TUM's tools: by time, and of equal stamps the last one counts. Published trajectories and
-  // TUM's own fr3_walking_static ground truth need it.
+  const auto refuse = [&](std::string_view word) {
+    throw InputError(name, reader.number(), fmt::format("'{}' is not a finite number", word));
+  };
+  const auto time = parse_time(words[0]);
+  if (!time) refuse(words[0]);
+  std::array<double, 8> value{};
+  for (std::size_t i = 1; i < value.size(); ++i) {
+    const auto number = parse_number(words[i]);
+    if (!number) refuse(words[i]);
+    value[i] = *number;
+  }
+  Eigen::Quaterniond q(value[7], value[4], value[5], value[6]);
+  const double largest = q.coeffs().cwiseAbs().maxCoeff();
+  if (largest > 1) q.coeffs() /= largest;  // its square may be no number any more
+  for (std::size_t i = 1; i < 4; ++i) {
+    if (std::abs(value[i]) > kFarthest)
+      throw InputError(name, reader.number(), fmt::format("'{}' is too far to be a position", words[i]));
+  }
+  if (!(q.norm() > 1e-6)) throw InputError(name, reader.number(), "the quaternion is zero");
+  return {time->t, SE3<double>(q.normalized(), Eigen::Vector3d(value[1], value[2], value[3])), time->ns};
+}
+
+/// As TUM's tools: by time, and of equal stamps the last one counts. Published trajectories and TUM's own
+/// fr3_walking_static ground truth need it.
+void sort_poses(std::vector<StampedPose<double>>& trajectory) {
   std::stable_sort(trajectory.begin(), trajectory.end(),
                    [](const auto& a, const auto& b) { return a.t < b.t; });
   std::size_t kept = 0;
@@ -68,12 +63,58 @@ std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::s
     trajectory[kept++] = trajectory[i];
   }
   trajectory.erase(trajectory.begin() + static_cast<std::ptrdiff_t>(kept), trajectory.end());
+}
+
+}  // namespace
+
+void UsablePoses::leave_out(const std::string& fault) {
+  if (left_out++ == 0) first_fault = fault;
+}
+
+std::string UsablePoses::note() const {
+  if (left_out == 0) return {};
+  return fmt::format("{} of {} poses are left out; the first: {}", left_out, left_out + poses.size(),
+                     first_fault);
+}
+
+std::vector<StampedPose<double>> parse_trajectory(std::istream& in, const std::string& name) {
+  std::vector<StampedPose<double>> trajectory;
+  LineReader reader(in);
+  while (reader.next()) trajectory.push_back(pose_of_row(reader, name));
+  if (in.bad()) throw InputError(name, 0, "cannot be read");
+  if (trajectory.empty()) throw InputError(name, 0, "holds no poses");
+  sort_poses(trajectory);
   return trajectory;
 }
 
+UsablePoses parse_usable_poses(std::istream& in, const std::string& name) {
+  UsablePoses result;
+  LineReader reader(in);
+  while (reader.next()) {
+    try {
+      result.poses.push_back(pose_of_row(reader, name));
+    } catch (const InputError& error) {
+      result.leave_out(error.what());
+    }
+  }
+  if (in.bad()) throw InputError(name, 0, "cannot be read");
+  sort_poses(result.poses);
+  return result;
+}
+
 std::vector<StampedPose<double>> read_trajectory(const std::filesystem::path& path) {
-  std::istringstream in(read_file(path));
+  std::istringstream in(read_text(path));
   return parse_trajectory(in, path.string());
+}
+
+UsablePoses read_usable_poses(const std::filesystem::path& path) {
+  std::istringstream in(read_text(path));
+  UsablePoses result = parse_usable_poses(in, path.string());
+  if (!result.poses.empty()) return result;
+  throw InputError(path.string(), 0,
+                   result.left_out == 0 ? "holds no poses"
+                                        : fmt::format("holds no poses: {} lines are none; the first: {}",
+                                                      result.left_out, result.first_fault));
 }
 
 void write_trajectory(const std::filesystem::path& path, std::span<const StampedPose<double>> trajectory) {

@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
+#include <filesystem>
 #include <opencv2/imgproc.hpp>
+#include <sstream>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
 #include "io/argument_check.hpp"
 #include "nets/class_names.hpp"
 #include "nets/model_recognition.hpp"
@@ -43,7 +45,8 @@ bool corners_aligned(const Tensor& output, const Letterbox& fit) {
 /// One name per line; nothing where there is no such file.
 std::vector<std::string> read_names(const std::filesystem::path& file) {
   std::vector<std::string> names;
-  std::ifstream in(file);
+  if (!std::filesystem::exists(file)) return names;
+  std::istringstream in(read_text(file));
   for (std::string line; std::getline(in, line);) {
     while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.pop_back();
     names.push_back(line);

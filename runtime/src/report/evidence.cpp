@@ -110,7 +110,7 @@ cv::Mat Evidence::masks(const std::string& stamp) const {
 }
 
 Evidence read_evidence(const std::filesystem::path& file) {
-  std::istringstream in(read_file(file, kLimit));
+  std::istringstream in(read_text(file, kLimit));
   return parse_evidence(in, file.string());
 }
 

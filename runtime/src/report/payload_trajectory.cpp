@@ -111,8 +111,8 @@ json trajectory_payload(const Source& source, const RunFolder& run, std::vector<
   SE3<double> T;
   if (truth.empty()) {
     result["why"] = source.sequence.truth_missing.empty()
-                        ? "the sequence has no ground truth"
-                        : "no ground truth: " + source.sequence.truth_missing;
+                        ? "no ATE and RPE: the sequence has no ground truth"
+                        : "no ATE and RPE, for want of a ground truth: " + source.sequence.truth_missing;
   } else {
     if (const auto ate = absolute_trajectory_error<double>(run.trajectory, truth)) {
       T = ate->T_gt_est;
@@ -120,11 +120,13 @@ json trajectory_payload(const Source& source, const RunFolder& run, std::vector<
       result["error"] = errors(source, run.trajectory, T);
     }
     try {
-      result["table"] =
-          to_json(evaluate_trajectory(run.trajectory, truth, (run.folder / "trajectory.txt").string(),
-                                      source.sequence.truth_file.string()));
+      const TrajectoryReport report =
+          evaluate_trajectory(run.trajectory, truth, (run.folder / "trajectory.txt").string(),
+                              source.sequence.truth_file.string());
+      result["table"] = to_json(report);
+      result["why"] = fmt::format("{}", fmt::join(report.notes, "; "));
     } catch (const InputError& error) {
-      result["why"] = error.what();
+      result["why"] = std::string("no ATE and RPE: ") + error.what();
     }
   }
   const std::size_t stride = stride_for(run.trajectory.size(), kPoints);

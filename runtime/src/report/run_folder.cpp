@@ -30,7 +30,7 @@ fs::path present(const fs::path& folder, const char* name) {
 nlohmann::json read_summary(const fs::path& file) {
   nlohmann::json j;
   try {
-    j = nlohmann::json::parse(read_file(file));
+    j = nlohmann::json::parse(read_text(file));
     for (const char* number : {"frames", "tracked", "lost", "broken"}) (void)j.at(number).get<std::size_t>();
     (void)j.at("fps").get<double>();
     (void)j.at("configuration").at("sequence").get<std::string>();
@@ -108,11 +108,11 @@ RunFolder read_run_folder(const fs::path& folder) {
   run.name = (full.has_filename() ? full : full.parent_path()).filename().string();
   run.summary = read_summary(present(folder, "summary.json"));
   const fs::path config = present(folder, "config.toml");
-  run.config = read_file(config);
+  run.config = read_text(config);
   run.trajectory = read_trajectory(present(folder, "trajectory.txt"));
   run.keyframes = read_trajectory(present(folder, "keyframes.txt"));
   const fs::path times = present(folder, "timings.csv");
-  std::istringstream in(read_file(times));
+  std::istringstream in(read_text(times));
   run.times = parse_times(in, times.string());
   if (fs::exists(folder / "report.jsonl")) run.evidence = read_evidence(folder / "report.jsonl");
   read_options(run, config);

@@ -9,10 +9,13 @@ namespace dynslam::runtime {
 bool RecordedPace::wait(double t, const std::atomic<bool>& stop) {
   using Clock = std::chrono::steady_clock;
   using Seconds = std::chrono::duration<double>;
-  if (!first_) {
+  const bool gap = first_ && t - before_ > longest_;
+  if (gap && skipped_++ == 0) first_skipped_ = t - before_;
+  if (!first_ || gap) {
     first_ = t;
     begin_ = Clock::now();
   }
+  before_ = t;
   constexpr double kLook = 0.1;  // whether to stop [s]; recordings have long gaps
   while (!stop.load()) {
     const double left = (t - *first_) / speed_ - Seconds(Clock::now() - begin_).count();

@@ -26,6 +26,10 @@ void check_request(const RunOptions& options) {
   if (!options.save_map.empty() && lies_in(options.out, options.save_map))
     throw UsageError(fmt::format("--out {} lies in the folder of --save-map, which is replaced as a whole",
                                  options.out.string()));
+  if (!options.save_map.empty() && !options.load_map.empty() && !options.map) {  // it is copied in the end
+    if (const auto octree = map_file_in(options.load_map); std::filesystem::exists(octree))
+      (void)load_map(octree);
+  }
 }
 
 namespace {

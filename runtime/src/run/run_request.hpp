@@ -8,7 +8,8 @@
 namespace dynslam::runtime {
 
 [[nodiscard]] bool uses_network(const RunOptions& options);
-/// @throws UsageError  options that contradict each other
+/// @throws UsageError  options that contradict each other; InputError  an octree that would be copied is
+/// damaged
 void check_request(const RunOptions& options);
 /// How its mask files are read.
 [[nodiscard]] MaskOptions mask_options(const RunOptions& options);

@@ -121,7 +121,7 @@ Run::Run(const RunOptions& options, const RunWatch& watch)
       watch_(watch),
       sequence_(load_sequence(options.sequence, sequence_options(options))),
       camera_(camera_of_run(sequence_, options)),
-      pace_(options.live_speed) {
+      pace_(options.live_speed, options.live_gap) {
   if (uses_semantic(options.dynamics) && !uses_network(options))
     masks_.emplace(options.masks, mask_options(options));
   summary_.interrupted = true;  // until the run has ended
@@ -310,6 +310,13 @@ void Run::save(const std::atomic<bool>& stop) {
   attempt([&] { judge_broken(); });
   attempt([&] { slam_->finish(); });
   take_trajectories();
+  if (pace_.skipped() > 0)  // the first to be read
+    summary_.problems.insert(
+        summary_.problems.begin(),
+        fmt::format(
+            "{} gaps between frames are longer than live_gap = {} s and were not waited for, the first of "
+            "{:.6g} s",
+            pace_.skipped(), options_.live_gap, pace_.first_skipped()));
   if (unlisted_ > 0) summary_.problems.push_back(fmt::format("and {} more problems", unlisted_));
   if (reserve_) reserve_->release();
   write_files();

@@ -2,6 +2,7 @@
 // How the camera moves through the synthetic office.
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -25,7 +26,19 @@ class Shake {
   std::array<std::array<double, 3>, 6> phase_{};
 };
 
-/// T_w_c after `t` seconds. @param path  static, xyz, rpy, halfsphere or loop
-[[nodiscard]] SE3<double> camera_pose(const std::string& path, double t, const Shake& shake);
+/// Where the camera is and what it looks at.
+struct View {
+  Eigen::Vector3d eye, target;  ///< the middles of all paths but the loop [m]
+  double radius;                ///< halfsphere, from the target [m]
+  double azimuth;               ///< halfsphere, to either side [rad]
+  double elevation, nod;        ///< halfsphere: mean, up and down [rad]
+};
+
+/// The view that shows most of a scenario.
+[[nodiscard]] View view_of(const std::string& scenario);
+
+/// T_w_c after `t` seconds. @param path  static, xyz, rpy, halfsphere or loop (in the middle of the room)
+[[nodiscard]] SE3<double> camera_pose(const std::string& path, const View& view, double t,
+                                      const Shake& shake);
 
 }  // namespace dynslam::runtime::synth

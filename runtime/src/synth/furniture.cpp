@@ -26,7 +26,8 @@ class Furnisher {
   void make_pictures();
   void make_sides();
   void make_plant();
-  void make_seats();
+  void make_seats(double nearer);
+  void make_counter();
   void make_rear();
   [[nodiscard]] Furniture finish() { return std::move(out_); }
 
@@ -40,18 +41,7 @@ class Furnisher {
 };
 
 void Furnisher::make_chair(double x, double y, double angle) {
-  const Tag tag{Label::chair, ++out_.instances};
-  const Affine3d T = at(x, y, 0, angle);
-  box(out_.triangles, T * Translation3d(0, 0, 0.46), {0.46, 0.44, 0.07}, t_.cloth, tag);
-  box(out_.triangles, T * Translation3d(0, -0.22, 0.78) * AngleAxisd(0.12, Vector3d::UnitX()),
-      {0.42, 0.05, 0.46}, t_.cloth, tag);
-  limb(out_.triangles, T * Vector3d(0, 0, 0.12), T * Vector3d(0, 0, 0.42), 0.025, 0.025, t_.dark, tag);
-  limb(out_.triangles, T * Vector3d(0, -0.2, 0.46), T * Vector3d(0, -0.22, 0.6), 0.02, 0.02, t_.dark, tag);
-  for (int k = 0; k < 5; ++k) {
-    const double a = 2 * std::numbers::pi * k / 5;
-    limb(out_.triangles, T * Vector3d(0, 0, 0.1), T * Vector3d(0.28 * std::cos(a), 0.28 * std::sin(a), 0.05),
-         0.025, 0.02, t_.dark, tag);
-  }
+  add_chair(out_.triangles, t_, at(x, y, 0, angle), {Label::chair, ++out_.instances});
 }
 
 void Furnisher::make_desk(double x, double y) {
@@ -155,8 +145,8 @@ void Furnisher::make_plant() {
   }
 }
 
-/// Desks, the lamps above them, and chairs.
-void Furnisher::make_seats() {
+/// Desks, the lamps above them, and chairs. @param nearer  to the desks than usual [m]
+void Furnisher::make_seats(double nearer) {
   for (const double x : {-1.65, 0.0, 1.65}) {
     const double dx = x + r_.uniform(-0.05, 0.05);
     make_desk(dx, 2.6 + r_.uniform(-0.05, 0.05));
@@ -164,12 +154,21 @@ void Furnisher::make_seats() {
   for (const double x : {-2.0, 2.0})
     box(out_.triangles, at(x, 1.5, kHigh - 0.04), {0.3, 1.4, 0.06}, t_.ceiling, {});
   for (const double left : {-1.7, 0.2}) {
-    const double x = left + r_.uniform(0, 0.3), y = r_.uniform(1.75, 1.95);
+    const double x = left + r_.uniform(0, 0.3), y = nearer + r_.uniform(1.75, 1.95);
     make_chair(x, y, r_.uniform(-0.6, 0.6));
   }
   out_.sitter_x = r_.uniform(1.45, 1.7);
-  out_.sitter_y = r_.uniform(1.75, 1.9);
+  out_.sitter_y = nearer + r_.uniform(1.75, 1.9);
   make_chair(out_.sitter_x, out_.sitter_y, 0.0);
+}
+
+void Furnisher::make_counter() {
+  const Eigen::AlignedBox3d& c = out_.counter = {Vector3d(-1.02, 1.66, 0.0), Vector3d(-0.12, 2.1, 0.95)};
+  const Vector3d middle = c.center(), size = c.sizes();
+  box(out_.triangles, at(middle.x(), middle.y(), c.max().z() - 0.02), {size.x(), size.y(), 0.04}, t_.wood,
+      {});
+  box(out_.triangles, at(middle.x(), middle.y() + 0.02, middle.z() - 0.02),
+      {size.x() - 0.06, size.y() - 0.06, size.z() - 0.04}, t_.wood, {}, t_.books[0]);
 }
 
 /// The side behind the usual cameras: pictures, a long shelf with books, boxes.
@@ -201,14 +200,28 @@ void Furnisher::make_rear() {
 
 }  // namespace
 
-Furniture furnish(Random& random, const Textures& textures, bool all_around) {
+void add_chair(std::vector<Triangle>& out, const Textures& textures, const Affine3d& T, const Tag& tag) {
+  box(out, T * Translation3d(0, 0, 0.46), {0.46, 0.44, 0.07}, textures.cloth, tag);
+  box(out, T * Translation3d(0, -0.22, 0.78) * AngleAxisd(0.12, Vector3d::UnitX()), {0.42, 0.05, 0.46},
+      textures.cloth, tag);
+  limb(out, T * Vector3d(0, 0, 0.12), T * Vector3d(0, 0, 0.42), 0.025, 0.025, textures.dark, tag);
+  limb(out, T * Vector3d(0, -0.2, 0.46), T * Vector3d(0, -0.22, 0.6), 0.02, 0.02, textures.dark, tag);
+  for (int k = 0; k < 5; ++k) {
+    const double a = 2 * std::numbers::pi * k / 5;
+    limb(out, T * Vector3d(0, 0, 0.1), T * Vector3d(0.28 * std::cos(a), 0.28 * std::sin(a), 0.05), 0.025,
+         0.02, textures.dark, tag);
+  }
+}
+
+Furniture furnish(Random& random, const Textures& textures, const FurnishOptions& options) {
   Furnisher furnisher(random, textures);
   furnisher.make_room();
   furnisher.make_pictures();
   furnisher.make_sides();
   furnisher.make_plant();
-  furnisher.make_seats();
-  if (all_around) furnisher.make_rear();
+  furnisher.make_seats(options.aisle ? 0.22 : 0.0);
+  if (options.aisle) furnisher.make_counter();
+  if (options.all_around) furnisher.make_rear();
   return furnisher.finish();
 }
 

@@ -52,69 +52,85 @@ class Body {
   Tag tag_;
 };
 
-void add_leg(const Body& body, const Textures& textures, const Walker& walker, double side, double phase) {
+Vector3d shoulder_of(double side) {
+  return {0.02, 0.22 * side, 1.38};
+}
+
+Leg swinging_leg(double side, double phase) {
   const double swing = 0.5 * std::sin(phase + (side > 0 ? 0 : std::numbers::pi));
   const double bend = 0.35 + 0.35 * std::max(0.0, -std::cos(phase + (side > 0 ? 0 : std::numbers::pi)));
   const double hip = 0.09 * side;
   const Vector3d knee(0.43 * std::sin(swing), hip, 0.9 - 0.43 * std::cos(swing));
   const Vector3d ankle = knee + Vector3d(0.43 * std::sin(swing - bend), 0, -0.43 * std::cos(swing - bend));
-  body.add(Vector3d(0, hip, 0.9), knee, 0.085, 0.06, walker.trousers);
-  body.add(knee, ankle, 0.06, 0.045, walker.trousers);
-  body.add(ankle, Vector3d(ankle.x() + 0.16, ankle.y(), std::max(0.04, ankle.z() - 0.03)), 0.05, 0.04,
-           textures.dark);
+  return {Vector3d(0, hip, 0.9), knee, ankle,
+          Vector3d(ankle.x() + 0.16, ankle.y(), std::max(0.04, ankle.z() - 0.03))};
 }
 
-void add_arm(const Body& body, const Walker& walker, double side, double phase) {
-  const Vector3d shoulder(0.02, 0.22 * side, 1.38);
-  Vector3d elbow, hand;
-  if (walker.carries) {
-    elbow = shoulder + Vector3d(0.12, 0.02 * side, -0.26);
-    hand = elbow + Vector3d(0.24, -0.05 * side, 0.02);
-  } else {
-    const double arm = -0.55 * std::sin(phase + (side > 0 ? 0 : std::numbers::pi));
-    elbow = shoulder + Vector3d(0.28 * std::sin(arm), 0.03 * side, -0.28 * std::cos(arm));
-    hand = elbow + Vector3d(0.25 * std::sin(arm + 0.4), 0, -0.25 * std::cos(arm + 0.4));
-  }
-  body.add(shoulder, elbow, 0.055, 0.045, walker.shirt);
-  body.add(elbow, hand, 0.042, 0.036, walker.skin);
+Arm carrying_arm(double side) {
+  const Vector3d shoulder = shoulder_of(side);
+  const Vector3d elbow = shoulder + Vector3d(0.12, 0.02 * side, -0.26);
+  return {shoulder, elbow, elbow + Vector3d(0.24, -0.05 * side, 0.02)};
 }
 
 }  // namespace
 
-Walker make_walker(Random& r, const Textures& textures, int k, std::uint16_t instance, bool carries) {
+Looks make_looks(Random& r, const Textures& textures, int k, std::uint16_t instance) {
   const auto i = static_cast<std::size_t>(k % 4);
+  return {r.uniform(1.62, 1.88), textures.shirts[i], textures.trousers[i],
+          textures.skins[i],     textures.hairs[i],  instance};
+}
+
+Walker make_walker(Random& r, const Textures& textures, int k, std::uint16_t instance, bool carries) {
   const double direction = k % 2 == 0 ? 1 : -1;
   return {direction * r.uniform(-1.9, -1.2),
           0.75 + 0.4 * (k % 3) + r.uniform(-0.08, 0.08),
           direction * r.uniform(0.65, 1.0),
           r.uniform(0, 6),
-          r.uniform(1.62, 1.88),
+          make_looks(r, textures, k, instance),
           r.uniform(1.7, 2.3),
-          textures.shirts[i],
-          textures.trousers[i],
-          textures.skins[i],
-          textures.hairs[i],
-          instance,
           carries};
+}
+
+Arm hanging_arm(double side, double angle) {
+  const Vector3d shoulder = shoulder_of(side);
+  const Vector3d elbow = shoulder + Vector3d(0.28 * std::sin(angle), 0.03 * side, -0.28 * std::cos(angle));
+  return {shoulder, elbow, elbow + Vector3d(0.25 * std::sin(angle + 0.4), 0, -0.25 * std::cos(angle + 0.4))};
+}
+
+void add_person(std::vector<Triangle>& out, const Textures& textures, const Looks& looks, const Affine3d& T,
+                const Posture& posture) {
+  const Body body(out, T, looks.height / 1.75, {Label::person, looks.instance, true});
+  body.add(Vector3d(0, 0.07, 1.0), Vector3d(0.02, 0.06, 1.32), 0.145, 0.15,
+           looks.shirt);  // two capsules make a broad trunk
+  body.add(Vector3d(0, -0.07, 1.0), Vector3d(0.02, -0.06, 1.32), 0.145, 0.15, looks.shirt);
+  body.add(Vector3d(0, 0, 0.9), Vector3d(0, 0, 0.98), 0.155, 0.16, looks.trousers);
+  body.add(Vector3d(0.03, 0, 1.45), Vector3d(0.04, 0, 1.52), 0.055, 0.055, looks.skin);
+  body.add(Vector3d(0.05, 0, 1.6), Vector3d(0.05, 0, 1.66), 0.095, 0.1, looks.skin);
+  body.add(Vector3d(0.02, 0, 1.66), Vector3d(0.01, 0, 1.69), 0.105, 0.1, looks.hair);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Leg& leg = posture.legs[i];
+    body.add(leg.hip, leg.knee, 0.085, 0.06, looks.trousers);
+    body.add(leg.knee, leg.ankle, 0.06, 0.045, looks.trousers);
+    body.add(leg.ankle, leg.toe, 0.05, 0.04, textures.dark);
+    const Arm& arm = posture.arms[i];
+    body.add(arm.shoulder, arm.elbow, 0.055, 0.045, looks.shirt);
+    body.add(arm.elbow, arm.hand, 0.042, 0.036, looks.skin);
+  }
 }
 
 void add_walker(std::vector<Triangle>& out, const Textures& textures, const Walker& walker, double t) {
   const auto [x, y, heading] = stride(walker, t);
-  const double scale = walker.height / 1.75;
   const double phase = t * std::abs(walker.speed) * 4.4 + walker.phase;
-  const Affine3d T = at(x, y, 0.02 * std::sin(2 * phase), heading) * Eigen::Scaling(scale);
-  const Body body(out, T, scale, {Label::person, walker.instance, true});
-  body.add(Vector3d(0, 0.07, 1.0), Vector3d(0.02, 0.06, 1.32), 0.145, 0.15,
-           walker.shirt);  // two capsules make a broad trunk
-  body.add(Vector3d(0, -0.07, 1.0), Vector3d(0.02, -0.06, 1.32), 0.145, 0.15, walker.shirt);
-  body.add(Vector3d(0, 0, 0.9), Vector3d(0, 0, 0.98), 0.155, 0.16, walker.trousers);
-  body.add(Vector3d(0.03, 0, 1.45), Vector3d(0.04, 0, 1.52), 0.055, 0.055, walker.skin);
-  body.add(Vector3d(0.05, 0, 1.6), Vector3d(0.05, 0, 1.66), 0.095, 0.1, walker.skin);
-  body.add(Vector3d(0.02, 0, 1.66), Vector3d(0.01, 0, 1.69), 0.105, 0.1, walker.hair);
-  for (const double side : {-1.0, 1.0}) {
-    add_leg(body, textures, walker, side, phase);
-    add_arm(body, walker, side, phase);
+  const Affine3d T =
+      at(x, y, 0.02 * std::sin(2 * phase), heading) * Eigen::Scaling(walker.looks.height / 1.75);
+  Posture posture;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const double side = i == 0 ? -1 : 1;
+    posture.legs[i] = swinging_leg(side, phase);
+    const double arm = -0.55 * std::sin(phase + (side > 0 ? 0 : std::numbers::pi));
+    posture.arms[i] = walker.carries ? carrying_arm(side) : hanging_arm(side, arm);
   }
+  add_person(out, textures, walker.looks, T, posture);
   if (walker.carries) {
     box(out, at(0, 0, 0) * T * Translation3d(0.44, 0, 1.12), {0.34, 0.46, 0.34}, textures.carton,
         {Label::background, 0, true, true});

@@ -53,8 +53,9 @@ void check(const SynthOptions& o) {
   if (!one_of(o.path, {"static", "xyz", "rpy", "halfsphere", "loop"})) {
     throw UsageError(fmt::format("unknown camera path '{}': static, xyz, rpy, halfsphere or loop", o.path));
   }
-  if (!one_of(o.scenario, {"walking", "sitting", "box", "board", "empty"})) {
-    throw UsageError(fmt::format("unknown scenario '{}': walking, sitting, box, board or empty", o.scenario));
+  if (!one_of(o.scenario, {"walking", "sitting", "box", "board", "crowd", "empty"})) {
+    throw UsageError(
+        fmt::format("unknown scenario '{}': walking, sitting, box, board, crowd or empty", o.scenario));
   }
   if (o.frames < 1 || o.frames > 100000) throw UsageError("--frames must be from 1 to 100000");
   if (o.walkers < 0 || o.walkers > 8) throw UsageError("--walkers must be from 0 to 8");
@@ -76,6 +77,7 @@ struct Plan {
 
 Plan plan(const SynthOptions& options, const synth::Shake& shake) {
   Plan p;
+  const synth::View view = synth::view_of(options.scenario);
   for (int i = 0; i < options.frames; ++i) {
     // Microseconds as integers: stamps are exact in the text and in the poses alike.
     const auto microseconds = static_cast<long long>(std::llround(1e6 * i / options.fps));
@@ -86,7 +88,7 @@ Plan plan(const SynthOptions& options, const synth::Shake& shake) {
     p.depth += fmt::format("{0} depth/{0}.png\n", stamp);
     p.associations += fmt::format("{0} rgb/{0}.png {0} depth/{0}.png\n", stamp);
     p.truth.push_back({kStart + static_cast<double>(microseconds) * 1e-6,
-                       synth::camera_pose(options.path, i / options.fps, shake)});
+                       synth::camera_pose(options.path, view, i / options.fps, shake)});
   }
   return p;
 }
@@ -100,6 +102,7 @@ class Photographer {
         shake_(shake),
         out_(std::move(out)),
         camera_(camera_of(options)),
+        view_(synth::view_of(options.scenario)),
         scene_(options) {}
 
   void take(int i) const {
@@ -142,7 +145,8 @@ class Photographer {
   /// All rows at once.
   [[nodiscard]] synth::Rendering render(double t, const Pinhole<double>& camera, int height) const {
     return synth::render(scene_.triangles(t), scene_.textures(), camera,
-                         synth::camera_pose(options_.path, t, shake_).inverse(), options_.width, height);
+                         synth::camera_pose(options_.path, view_, t, shake_).inverse(), options_.width,
+                         height);
   }
 
   /// Motion blur, exposure and noise of the colour image.
@@ -179,6 +183,7 @@ class Photographer {
   const synth::Shake& shake_;
   fs::path out_;
   Pinhole<double> camera_;
+  synth::View view_;
   synth::Scene scene_;
 };
 

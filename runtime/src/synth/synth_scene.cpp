@@ -8,12 +8,14 @@ namespace dynslam::runtime::synth {
 Scene::Scene(const SynthOptions& options) : options_(options) {
   Random r(options.seed * 0x51ED2701ULL + 17);
   textures_ = paint(r, options_.scenario == "board");
-  furniture_ = furnish(r, textures_, options_.path == "loop");
+  furniture_ = furnish(r, textures_, {options_.path == "loop", options_.scenario == "crowd"});
   std::uint16_t instances = furniture_.instances;
   const int walkers = options_.scenario == "walking" ? options_.walkers : 0;
   for (int k = 0; k < walkers; ++k)
     walkers_.push_back(make_walker(r, textures_, k, ++instances, options_.box && k == 0));
   sitter_ = ++instances;
+  if (options_.scenario == "crowd")
+    crowd_.emplace(r, textures_, furniture_.counter, options_.walkers, instances);
 }
 
 std::vector<Triangle> Scene::triangles(double t) const {
@@ -33,6 +35,7 @@ std::vector<Triangle> Scene::triangles(double t) const {
     box(out, at(x, y, z, 0.5 * std::sin(0.7 * t)), {0.55, 0.3, 0.45}, textures_.carton,
         {Label::background, 0, true, true});
   }
+  if (crowd_) crowd_->add(out, textures_, t);
   return out;
 }
 

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "dynslam/runtime/synth/synth.hpp"
+#include "synth/crowd.hpp"
 #include "synth/furniture.hpp"
 #include "synth/people.hpp"
 #include "synth/random.hpp"
@@ -27,6 +29,7 @@ class Scene {
   Textures textures_;
   Furniture furniture_;
   std::vector<Walker> walkers_;
+  std::optional<Crowd> crowd_;
   std::uint16_t sitter_ = 0;
 };
 

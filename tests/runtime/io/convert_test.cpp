@@ -188,3 +188,12 @@ TEST_CASE("a camera's text reads back as the camera, lens and noise included") {
     CHECK(read_back(camera).depth_noise == noise);
   }
 }
+
+TEST_CASE("a camera's name never becomes a line of its file") {
+  CameraConfig camera = load_camera("fr3");
+  camera.name = "/camera\nk1 = 0.5\nreadout_time = 0.1";
+  const CameraConfig read = read_back(camera);
+  CHECK(read.model.is_ideal());
+  CHECK(read.readout_time == camera.readout_time);
+  CHECK(read.name.find('\n') == std::string::npos);
+}

@@ -4,7 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
+#include <memory>
+#include <string_view>
 
 #include "dynslam/runtime/error.hpp"
 #ifdef DYNSLAM_HAVE_BZIP2
@@ -12,6 +15,9 @@
 #endif
 #ifdef DYNSLAM_HAVE_LZ4
 #include <lz4frame.h>
+#endif
+#ifdef DYNSLAM_HAVE_ZSTD
+#include <zstd.h>
 #endif
 
 namespace dynslam::runtime::bag {
@@ -74,6 +80,37 @@ bool unpack_lz4(Bytes packed, std::uint32_t size, std::vector<std::uint8_t>& out
 }
 #endif
 
+#ifdef DYNSLAM_HAVE_ZSTD
+/// Up to `most` bytes. @return whether the end of the data was reached
+bool unpack_zstd(Bytes packed, std::uint32_t most, std::vector<std::uint8_t>& out) {
+  const std::unique_ptr<ZSTD_DStream, decltype(&ZSTD_freeDStream)> stream(ZSTD_createDStream(),
+                                                                          &ZSTD_freeDStream);
+  ZSTD_inBuffer in{packed.data(), packed.size(), 0};
+  std::size_t filled = 0, left = 1;
+  std::uint8_t surplus = 0;
+  while (left != 0) {
+    if (filled < most) make_room(out, filled, most);
+    const bool full = filled == most;  // what is left is the end with its check sum
+    ZSTD_outBuffer part{full ? &surplus : out.data() + filled, full ? 1 : out.size() - filled, 0};
+    const std::size_t used = in.pos;
+    left = ZSTD_decompressStream(stream.get(), &part, &in);
+    if (ZSTD_isError(left) != 0 || (part.pos == 0 && in.pos == used)) break;
+    filled += part.pos;
+    if (filled > most) break;
+  }
+  out.resize(std::min<std::size_t>(filled, most));
+  return left == 0 && filled <= most;
+}
+#endif
+
+struct Library {
+  std::string_view compression, package, otherwise;
+};
+constexpr std::array<Library, 3> kLibraries{
+    {{"bz2", "libbz2-dev", "decompress the bag (rosbag decompress FILE)"},
+     {"lz4", "liblz4-dev", "decompress the bag (rosbag decompress FILE, mcap decompress FILE)"},
+     {"zstd", "libzstd-dev", "decompress the recording (zstd -d FILE, mcap decompress FILE)"}}};
+
 }  // namespace
 
 bool can_decompress(const std::string& compression) {
@@ -83,19 +120,27 @@ bool can_decompress(const std::string& compression) {
 #ifdef DYNSLAM_HAVE_LZ4
   if (compression == "lz4") return true;
 #endif
+#ifdef DYNSLAM_HAVE_ZSTD
+  if (compression == "zstd") return true;
+#endif
   return compression == "none";
+}
+
+void require_decompression(const std::string& compression, const std::string& name) {
+  const auto library = std::find_if(kLibraries.begin(), kLibraries.end(),
+                                    [&](const Library& l) { return l.compression == compression; });
+  if (library == kLibraries.end())
+    throw InputError(name, 0, "is compressed in a way that is neither bz2 nor lz4 nor zstd");
+  if (!can_decompress(compression))
+    throw InputError(name, 0,
+                     fmt::format("is compressed with {}, which this dynslam was built without: build it "
+                                 "where {} is installed, or {}",
+                                 compression, library->package, library->otherwise));
 }
 
 std::vector<std::uint8_t> decompress(const std::string& compression, [[maybe_unused]] Bytes packed,
                                      std::uint32_t size, const std::string& name) {
-  if (compression != "bz2" && compression != "lz4")
-    throw InputError(name, 0, "is compressed in a way that is neither bz2 nor lz4");
-  if (!can_decompress(compression))
-    throw InputError(
-        name, 0,
-        fmt::format("is compressed with {0}, which this dynslam was built without: build it where {1} is "
-                    "installed, or decompress the bag (rosbag decompress FILE)",
-                    compression, compression == "bz2" ? "libbz2-dev" : "liblz4-dev"));
+  require_decompression(compression, name);
   if (size > kLargestChunk)
     throw InputError(name, 0, fmt::format("has {} bytes; at most {} are read", size, kLargestChunk));
   std::vector<std::uint8_t> out;
@@ -106,8 +151,23 @@ std::vector<std::uint8_t> decompress(const std::string& compression, [[maybe_unu
 #ifdef DYNSLAM_HAVE_LZ4
   if (compression == "lz4") whole = unpack_lz4(packed, size, out);
 #endif
+#ifdef DYNSLAM_HAVE_ZSTD
+  if (compression == "zstd") whole = unpack_zstd(packed, size, out) && out.size() == size;
+#endif
   if (!whole)
     throw InputError(name, 0, fmt::format("is damaged: its {} data cannot be decompressed", compression));
+  return out;
+}
+
+std::vector<std::uint8_t> decompress_zstd([[maybe_unused]] Bytes packed, [[maybe_unused]] std::uint32_t most,
+                                          const std::string& name) {
+  require_decompression("zstd", name);
+  std::vector<std::uint8_t> out;
+#ifdef DYNSLAM_HAVE_ZSTD
+  const std::uint32_t limit = std::min(most, kLargestChunk);
+  if (!unpack_zstd(packed, limit, out) && (limit < most || out.size() < limit))
+    throw InputError(name, 0, "is damaged: its zstd data cannot be decompressed");
+#endif
   return out;
 }
 

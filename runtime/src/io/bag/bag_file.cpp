@@ -77,7 +77,7 @@ void BagFile::read_connection(const Record& record, Cursor& cursor) {
   if (!connections_.emplace(id, connection).second) cursor.fail(fmt::format("connection {} once more", id));
 }
 
-void BagFile::scan(const std::function<void(std::uint32_t, const Place&)>& visit) const {
+std::vector<std::string> BagFile::scan(const Visit& visit) const {
   Cursor cursor(*source_, first_, index_);
   while (cursor.left() > 0) {
     const std::uint64_t at = cursor.at();
@@ -89,28 +89,29 @@ void BagFile::scan(const std::function<void(std::uint32_t, const Place&)>& visit
     }
     cursor.skip(record.data_size, "a record");
   }
+  return {};
 }
 
-void BagFile::scan_chunk(const Record& record, std::uint64_t record_at,
-                         const std::function<void(std::uint32_t, const Place&)>& visit) const {
+void BagFile::scan_chunk(const Record& record, std::uint64_t record_at, const Visit& visit) const {
   const std::uint64_t end = record.data_at + record.data_size;
   Cursor cursor(*source_, record.data_at, end);
   if (record.fields.text("compression", cursor) == "none") {
     scan_messages(std::move(cursor), 0, visit);
     return;
   }
-  const Chunk chunk = chunk_at(record_at);
+  const ChunkCache::Chunk chunk = chunk_at(record_at);
   scan_messages(Cursor(*chunk, 0, chunk->size()), record_at, visit);
 }
 
-void BagFile::scan_messages(Cursor cursor, std::uint64_t chunk,
-                            const std::function<void(std::uint32_t, const Place&)>& visit) const {
+void BagFile::scan_messages(Cursor cursor, std::uint64_t chunk, const Visit& visit) const {
   while (cursor.left() > 0) {
     const Record record = next_record(cursor);
     if (record.op == Op::message) {
       const std::uint32_t id = record.fields.u32("conn", cursor);
-      if (!connections_.contains(id)) cursor.fail(fmt::format("a message of the unknown connection {}", id));
-      visit(id, {record.data_at, chunk, record.data_size});
+      const auto connection = connections_.find(id);
+      if (connection == connections_.end())
+        cursor.fail(fmt::format("a message of the unknown connection {}", id));
+      visit(connection->second, {record.data_at, chunk, record.data_size});
     } else if (record.op != Op::connection) {  // those are in the index, too
       cursor.fail("a record that does not belong into a chunk");
     }
@@ -118,14 +119,11 @@ void BagFile::scan_messages(Cursor cursor, std::uint64_t chunk,
   }
 }
 
-BagFile::Chunk BagFile::chunk_at(std::uint64_t record_at) const {
-  const std::lock_guard lock(mutex_);
-  const auto found =
-      std::find_if(kept_.begin(), kept_.end(), [&](const auto& kept) { return kept.first == record_at; });
-  if (found != kept_.end()) {
-    kept_.splice(kept_.begin(), kept_, found);
-    return kept_.front().second;
-  }
+ChunkCache::Chunk BagFile::chunk_at(std::uint64_t record_at) const {
+  return chunks_.get(record_at, [&] { return read_chunk(record_at); });
+}
+
+ChunkCache::Chunk BagFile::read_chunk(std::uint64_t record_at) const {
   Cursor cursor(*source_, record_at, index_);
   const Record record = next_record(cursor);
   const std::string name = fmt::format("{}: chunk at byte {}", this->name(), record_at);
@@ -135,18 +133,7 @@ BagFile::Chunk BagFile::chunk_at(std::uint64_t record_at) const {
     throw InputError(name, 0,
                      fmt::format("has {} bytes; at most {} are read", record.data_size, kLargestChunk));
   const Bytes packed = cursor.take(record.data_size, "a chunk");
-  auto chunk = std::make_shared<const MemoryBytes>(name, decompress(compression, packed, size, name));
-  // Colour and depth of a frame stand in one chunk or in neighbours.
-  constexpr std::size_t kKept = 3;
-  constexpr std::uint64_t kMost = 256 << 20;  // bytes that are kept beside the last one
-  kept_.emplace_front(record_at, std::move(chunk));
-  std::uint64_t bytes = 0;
-  for (auto it = std::next(kept_.begin()); it != kept_.end(); ++it) bytes += it->second->size();
-  while (kept_.size() > 1 && (kept_.size() > kKept || bytes > kMost)) {
-    bytes -= kept_.back().second->size();
-    kept_.pop_back();
-  }
-  return kept_.front().second;
+  return std::make_shared<const MemoryBytes>(name, decompress(compression, packed, size, name));
 }
 
 std::vector<std::uint8_t> BagFile::read(const Place& place, std::uint32_t most) const {

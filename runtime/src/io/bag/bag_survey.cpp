@@ -28,10 +28,11 @@ bool same(const CameraInfoMessage& a, const CameraInfoMessage& b) {
 
 class Surveyor {
  public:
-  explicit Surveyor(const BagFile& bag) : bag_(bag) { result_.file = bag.name(); }
+  explicit Surveyor(const Recording& bag) : bag_(bag) { result_.file = bag.name(); }
 
   BagSurvey survey() {
-    bag_.scan([&](std::uint32_t id, const Place& place) { look(bag_.connections().at(id), place); });
+    result_.missing =
+        bag_.scan([&](const Connection& connection, const Place& place) { look(connection, place); });
     for (auto& [name, topic] : images_) {
       sort_shots(topic);
       result_.images.push_back(std::move(topic));
@@ -46,46 +47,46 @@ class Surveyor {
 
  private:
   std::string name_of(const Connection& connection, const Place& place) const {
-    return fmt::format("{}: {}, message at byte {}{}", bag_.name(), connection.topic, place.at,
-                       place.chunk > 0 ? fmt::format(" of the chunk at byte {}", place.chunk) : "");
+    return bag_.where(place, connection.topic);
   }
 
   void look(const Connection& connection, const Place& place) {
-    if (connection.type == kImage || connection.type == kCompressedImage) {
-      add_image(connection, place);
+    const auto how = serialisation_of(connection.encoding);
+    if (!how) {
+      result_.not_read.insert(connection.encoding);
+    } else if (connection.type == kImage || connection.type == kCompressedImage) {
+      add_image(connection, place, *how);
     } else if (connection.type == kCameraInfo) {
-      add_info(connection, place);
+      add_info(connection, place, *how);
     } else if (holds_poses(connection.type) && result_.pose_fault.empty()) {
-      try {
-        add_poses(connection, place);
-      } catch (const InputError& error) {  // the images do not need them
-        result_.pose_fault = error.what();
-      }
+      add_poses(connection, place, *how);
     }
   }
 
-  void add_image(const Connection& connection, const Place& place) {
+  void add_image(const Connection& connection, const Place& place, Serialisation how) {
     const bool compressed = connection.type == kCompressedImage;
     const auto bytes = bag_.read(place, kHead);
-    const ImageMessage head = parse_image_head(bytes, compressed, name_of(connection, place));
+    const ImageMessage head = parse_image_head(bytes, compressed, name_of(connection, place), how);
     ImageTopic& topic = images_[connection.topic];
     if (topic.name.empty()) {
       topic.name = connection.topic;
       topic.type = connection.type;
       topic.encoding = head.encoding;
       topic.frame = head.header.frame;
+      topic.serialisation = how;
       topic.compressed = compressed;
       topic.kind = kind_of(head.encoding, compressed);
-    } else if (topic.type != connection.type) {
+    } else if (topic.type != connection.type || topic.serialisation != how) {
       throw InputError(name_of(connection, place), 0,
-                       fmt::format("is of type {}, others of the topic of {}", connection.type, topic.type));
+                       fmt::format("is of type {} ({}), others of the topic of {}", connection.type,
+                                   connection.encoding, topic.type));
     }
     topic.shots.push_back({nanoseconds(head.header), place});
   }
 
-  void add_info(const Connection& connection, const Place& place) {
+  void add_info(const Connection& connection, const Place& place, Serialisation how) {
     const auto bytes = bag_.read(place);
-    CameraInfoMessage info = parse_camera_info(bytes, name_of(connection, place));
+    CameraInfoMessage info = parse_camera_info(bytes, name_of(connection, place), how);
     const auto [found, is_new] = result_.infos.try_emplace(connection.topic);
     if (is_new) {
       found->second.info = std::move(info);
@@ -94,10 +95,16 @@ class Surveyor {
     }
   }
 
-  void add_poses(const Connection& connection, const Place& place) {
-    const auto bytes = bag_.read(place);
+  void add_poses(const Connection& connection, const Place& place, Serialisation how) {
     const bool transforms = holds_transforms(connection.type);
-    for (PoseMessage& pose : parse_poses(bytes, connection.type, name_of(connection, place))) {
+    std::vector<PoseMessage> poses;
+    try {
+      poses = parse_poses(bag_.read(place), connection.type, name_of(connection, place), how);
+    } catch (const InputError& error) {  // a marker that was lost, say; the images do not need it
+      if (result_.poses_left_out++ == 0) result_.first_left_out = error.what();
+      return;
+    }
+    for (const PoseMessage& pose : poses) {
       PoseTrack& track = tracks_[{transforms ? "" : connection.topic, pose.header.frame, pose.child}];
       if (track.poses.empty()) {
         track.topic = connection.topic;
@@ -107,17 +114,19 @@ class Surveyor {
       }
       track.poses.emplace_back(nanoseconds(pose.header), pose.T_parent_child);
       constexpr std::size_t kMost = 2000000;  // 150 MB
-      if (++poses_ > kMost) throw InputError(bag_.name(), 0, fmt::format("holds more than {} poses", kMost));
+      if (++poses_ <= kMost) continue;
+      result_.pose_fault = fmt::format("{}: holds more than {} poses", bag_.name(), kMost);
+      return;
     }
   }
 
   /// By the time in the header: messages of one topic may be recorded in another order.
   void sort_shots(ImageTopic& topic) const {
-    std::sort(topic.shots.begin(), topic.shots.end(),
-              [](const Shot& a, const Shot& b) { return a.stamp < b.stamp; });
+    std::stable_sort(topic.shots.begin(), topic.shots.end(),
+                     [](const Shot& a, const Shot& b) { return a.stamp < b.stamp; });
   }
 
-  const BagFile& bag_;
+  const Recording& bag_;
   BagSurvey result_;
   std::map<std::string, ImageTopic> images_;
   std::map<std::tuple<std::string, std::string, std::string>, PoseTrack> tracks_;
@@ -135,7 +144,7 @@ std::string stamp_text(std::uint64_t nanoseconds, bool micro) {
   return micro ? fmt::format("{}.{:06}", seconds, rest / 1000) : fmt::format("{}.{:09}", seconds, rest);
 }
 
-BagSurvey survey(const BagFile& bag) {
+BagSurvey survey(const Recording& bag) {
   return Surveyor(bag).survey();
 }
 

@@ -3,11 +3,12 @@
 
 #include <cstdint>
 #include <map>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "io/bag/bag_file.hpp"
+#include "io/bag/recording.hpp"
 #include "io/bag/ros_images.hpp"
 #include "io/bag/ros_messages.hpp"
 
@@ -26,6 +27,7 @@ struct Shot {
 /// A topic of images, by its first one.
 struct ImageTopic {
   std::string name, type, encoding, frame;
+  Serialisation serialisation = Serialisation::ros1;
   bool compressed = false;
   ImageKind kind = ImageKind::not_understood;
   std::vector<Shot> shots;  ///< by time
@@ -49,10 +51,14 @@ struct BagSurvey {
   std::vector<ImageTopic> images;  ///< by name
   std::map<std::string, InfoTopic> infos;
   std::vector<PoseTrack> tracks;
-  std::string pose_fault;  ///< why poses cannot be trusted; empty: they can
+  std::string pose_fault;            ///< why poses cannot be trusted; empty: they can
+  std::size_t poses_left_out = 0;    ///< messages that hold none
+  std::string first_left_out;        ///< place and reason of the first
+  std::set<std::string> not_read;    ///< encodings of messages that are not read
+  std::vector<std::string> missing;  ///< of the recording, a line each
 };
 
 /// Goes through the whole bag once. @throws InputError
-[[nodiscard]] BagSurvey survey(const BagFile& bag);
+[[nodiscard]] BagSurvey survey(const Recording& bag);
 
 }  // namespace dynslam::runtime::bag

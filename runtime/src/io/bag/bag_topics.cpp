@@ -71,8 +71,12 @@ ChosenTopics choose_by_looking(const BagSurvey& survey) {
     Topics all;
     for (const ImageTopic& topic : survey.images) all.push_back(&topic);
     throw InputError(survey.file, 0,
-                     fmt::format("has no topic of {} images that are read; its topics of images: {}",
-                                 colour.empty() ? "colour" : "depth", list(all)));
+                     fmt::format("has no topic of {} images that are read; its topics of images: {}{}",
+                                 colour.empty() ? "colour" : "depth", list(all),
+                                 survey.not_read.empty()
+                                     ? ""
+                                     : fmt::format("; it has messages encoded as {}, which are not read",
+                                                   fmt::join(survey.not_read, ", "))));
   }
   if (colour.size() == 1)
     narrow(depth, [&](const auto* topic) { return topic->frame == colour[0]->frame; });

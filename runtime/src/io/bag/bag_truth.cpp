@@ -108,8 +108,10 @@ BagTruth truth_of(const BagSurvey& survey, const std::string& camera_frame) {
     only = topics == track.topic ? &track : nullptr;
   }
   if (topics.empty())
-    return missing(
-        fmt::format("neither tf moves the camera's frame '{}' nor is there a topic of poses", camera_frame));
+    return missing(survey.poses_left_out > 0
+                       ? survey.first_left_out
+                       : fmt::format("neither tf moves the camera's frame '{}' nor is there a topic of poses",
+                                     camera_frame));
   if (only == nullptr) return missing(fmt::format("several topics may be it: {}", topics));
   if (!only->child.empty() && only->child != camera_frame)
     return missing(fmt::format("{} is about '{}', and tf does not say where on it the camera's frame '{}' is",

@@ -13,8 +13,8 @@
 
 namespace dynslam::runtime::bag {
 
-FileBytes::FileBytes(const std::filesystem::path& path)
-    : name_(path.string()), file_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
+FileBytes::FileBytes(const std::filesystem::path& path, std::string name)
+    : name_(std::move(name)), file_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
   struct stat status {};
   if (!file_ || ::fstat(file_.get(), &status) != 0)
     throw InputError(name_, 0, fmt::format("cannot be read: {}", std::strerror(errno)));
@@ -70,10 +70,10 @@ void Cursor::skip(std::uint64_t size, const char* what) {
   at_ += size;
 }
 
-std::uint32_t Cursor::take_u32(const char* what) {
-  const Bytes bytes = take(4, what);
-  std::uint32_t value = 0;
-  for (std::size_t k = 0; k < 4; ++k) value |= static_cast<std::uint32_t>(bytes[k]) << (8 * k);
+std::uint64_t Cursor::take_number(std::uint64_t size, const char* what) {
+  const Bytes bytes = take(size, what);
+  std::uint64_t value = 0;
+  for (std::size_t k = 0; k < bytes.size(); ++k) value |= static_cast<std::uint64_t>(bytes[k]) << (8 * k);
   return value;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The messages that a sequence is made of, decoded from their ROS 1 serialisation. Whatever the bytes are,
-// the result is a message or an InputError.
+// The messages that a sequence is made of, decoded from what ROS 1 or ROS 2 serialises. Whatever the bytes
+// are, the result is a message or an InputError.
 #pragma once
 
 #include <array>
@@ -9,15 +9,10 @@
 #include <vector>
 
 #include "dynslam/geometry/se3.hpp"
-#include "io/bag/byte_source.hpp"
+#include "io/bag/message_reader.hpp"
+#include "io/bag/recording.hpp"
 
 namespace dynslam::runtime::bag {
-
-/// std_msgs/Header.
-struct Header {
-  std::uint32_t seconds = 0, nanoseconds = 0;  ///< the stamp; below 1e9
-  std::string frame;                           ///< without the slash that old ones begin with
-};
 
 /// sensor_msgs/Image, and sensor_msgs/CompressedImage with its `format` as the encoding.
 struct ImageMessage {
@@ -51,19 +46,26 @@ inline constexpr const char* kCompressedImage = "sensor_msgs/CompressedImage";
 inline constexpr const char* kCameraInfo = "sensor_msgs/CameraInfo";
 
 /// What they throw names `name`. @throws InputError
-[[nodiscard]] ImageMessage parse_image(Bytes bytes, const std::string& name);
-[[nodiscard]] ImageMessage parse_compressed_image(Bytes bytes, const std::string& name);
+[[nodiscard]] ImageMessage parse_image(Bytes bytes, const std::string& name,
+                                       Serialisation how = Serialisation::ros1);
+[[nodiscard]] ImageMessage parse_compressed_image(Bytes bytes, const std::string& name,
+                                                  Serialisation how = Serialisation::ros1);
 /// Header and encoding alone, of the first bytes of a message (kHead are enough) of either type.
 inline constexpr std::uint32_t kHead = 2048;
-[[nodiscard]] ImageMessage parse_image_head(Bytes bytes, bool compressed, const std::string& name);
-[[nodiscard]] CameraInfoMessage parse_camera_info(Bytes bytes, const std::string& name);
+[[nodiscard]] ImageMessage parse_image_head(Bytes bytes, bool compressed, const std::string& name,
+                                            Serialisation how = Serialisation::ros1);
+[[nodiscard]] CameraInfoMessage parse_camera_info(Bytes bytes, const std::string& name,
+                                                  Serialisation how = Serialisation::ros1);
 
+/// Whether a sequence is made of messages like these: of a type and an encoding that are read.
+[[nodiscard]] bool is_read(const Connection& connection);
 /// Whether messages of this type hold poses: tf/tfMessage, tf2_msgs/TFMessage, geometry_msgs/PoseStamped,
 /// geometry_msgs/TransformStamped, nav_msgs/Odometry.
 [[nodiscard]] bool holds_poses(const std::string& type);
 /// tf/tfMessage or tf2_msgs/TFMessage.
 [[nodiscard]] bool holds_transforms(const std::string& type);
 [[nodiscard]] std::vector<PoseMessage> parse_poses(Bytes bytes, const std::string& type,
-                                                   const std::string& name);
+                                                   const std::string& name,
+                                                   Serialisation how = Serialisation::ros1);
 
 }  // namespace dynslam::runtime::bag

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <istream>
 #include <optional>
 #include <span>
@@ -14,6 +15,7 @@
 #include <vector>
 
 #include "dynslam/runtime/io/sequence.hpp"
+#include "dynslam/runtime/io/trajectory_io.hpp"
 
 namespace dynslam::runtime::formats {
 
@@ -25,7 +27,7 @@ struct Format {
   Sequence (*load)(const std::filesystem::path& root, const SequenceOptions& options);
 };
 
-extern const Format kTum, kBonn, kEth3d, kIclNuim, kSevenScenes, kReplica, kScanNet, kRedwood, kBag;
+extern const Format kTum, kBonn, kEth3d, kIclNuim, kSevenScenes, kReplica, kScanNet, kRedwood, kBag, kRos2;
 
 /// The name of a folder, also where the path ends in a slash or is a dot.
 [[nodiscard]] std::string folder_name(const std::filesystem::path& root);
@@ -54,6 +56,17 @@ struct NumberedFile {
 [[nodiscard]] std::vector<NumberedFile> numbered_files(const std::filesystem::path& folder,
                                                        std::string_view prefix,
                                                        std::span<const std::string_view> suffixes);
+/// The images of a folder whose names differ by a number alone, whatever stands before and behind it: by
+/// number, or by time where the number is one (with a point, or of 10, 13, 16 or 19 digits: seconds to
+/// nanoseconds since 1970). Of several patterns the one of most files counts.
+struct NumberedImages {
+  std::vector<NumberedFile> files;
+  std::size_t others = 0;  ///< images of other names
+  std::string first_other;
+};
+/// @throws InputError where a number occurs twice
+[[nodiscard]] NumberedImages numbered_images(const std::filesystem::path& folder,
+                                             std::span<const std::string_view> suffixes);
 inline constexpr std::array<std::string_view, 3> kImageSuffixes{".png", ".jpg", ".jpeg"};
 
 /// Pairs images of equal numbers; times are number / rate. Images without a partner are in the times alone.
@@ -61,25 +74,32 @@ inline constexpr std::array<std::string_view, 3> kImageSuffixes{".png", ".jpg", 
 void pair_by_number(Sequence& sequence, const std::vector<NumberedFile>& colour,
                     const std::vector<NumberedFile>& depth, double rate);
 
+/// Reads a ground truth by `read`; a sequence can do without it, so what is no pose is left out, a file that
+/// cannot be read is none, and either is said in `notes`. @param file  that `read` reads
+void read_optional_truth(Sequence& sequence, const std::filesystem::path& file,
+                         const std::function<UsablePoses()>& read);
+
+/// Turns Bonn's ground truth, which is of the body with the markers, to the camera. @return the line that
+/// says so
+[[nodiscard]] std::string turn_bonn_truth(std::vector<StampedPose<double>>& truth);
+
 /// A rigid motion from a matrix [R t; 0 0 0 1]; nullopt where it is none (R is orthonormal within 0.02).
 [[nodiscard]] std::optional<SE3<double>> rigid_motion(const Eigen::Matrix4d& matrix);
 
 /// A 4x4 matrix of four lines; nullopt where it holds inf or nan: the pose is not known.
 /// @throws InputError (line) for anything else that is no matrix
 [[nodiscard]] std::optional<Eigen::Matrix4d> parse_matrix(std::istream& in, const std::string& name);
-/// One 4x4 matrix of 16 numbers per line, camera to world. @throws InputError (line)
-[[nodiscard]] std::vector<SE3<double>> parse_pose_rows(std::istream& in, const std::string& name);
-/// A pose of a .log file: three whole numbers, of which the first is the frame's index from 0, and a matrix.
-struct LogPose {
-  std::size_t index = 0;
-  SE3<double> T_w_c;
-};
-/// @throws InputError (line)
-[[nodiscard]] std::vector<LogPose> parse_log(std::istream& in, const std::string& name);
-/// The pose in each file PREFIX NUMBER SUFFIX at NUMBER / rate. @throws InputError
-[[nodiscard]] std::vector<StampedPose<double>> read_pose_files(const std::filesystem::path& folder,
-                                                               std::string_view prefix,
-                                                               std::string_view suffix, double rate);
+/// One 4x4 matrix of 16 numbers per line, camera to world; times are row / rate. Rows that are no motion are
+/// left out. @throws InputError where reading fails
+[[nodiscard]] UsablePoses parse_pose_rows(std::istream& in, const std::string& name, double rate);
+/// Poses of a .log file: three whole numbers, of which the first is the frame's index from 0, and a matrix;
+/// times are those of the indices, and matrices that are no motion are left out.
+/// @throws InputError (line) for what has another form, and an index without a time
+[[nodiscard]] UsablePoses parse_log(std::istream& in, const std::string& name, std::span<const double> times);
+/// The pose in each file PREFIX NUMBER SUFFIX at NUMBER / rate. Files that hold none are left out; those that
+/// say so with inf or nan are not even counted.
+[[nodiscard]] UsablePoses read_pose_files(const std::filesystem::path& folder, std::string_view prefix,
+                                          std::string_view suffix, double rate);
 
 /// Plain pinhole numbers, checked as a camera file's are.
 struct PinholeNumbers {

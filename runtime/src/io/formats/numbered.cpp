@@ -31,8 +31,8 @@ Sequence load_seven_scenes(const fs::path& root, const SequenceOptions& options)
   sequence.root = root;
   pair_by_number(sequence, numbered_files(root, "frame-", kSceneColour),
                  numbered_files(root, "frame-", kSceneDepth), options.rate);
-  sequence.groundtruth = read_pose_files(root, "frame-", ".pose.txt", options.rate);
-  sequence.truth_file = root / "frame-*.pose.txt";
+  read_optional_truth(sequence, root / "frame-*.pose.txt",
+                      [&] { return read_pose_files(root, "frame-", ".pose.txt", options.rate); });
   sequence.camera = pinhole_camera("7-scenes", {640, 480, 585, 585, 320, 240, 1000}, "7-scenes");
   sequence.camera->invalid_depth = 65535;
   sequence.camera_source = "the data set's description";
@@ -48,16 +48,15 @@ Sequence load_replica(const fs::path& root, const SequenceOptions& options) {
   sequence.root = root;
   pair_by_number(sequence, numbered_files(root / "results", "frame", kImageSuffixes),
                  numbered_files(root / "results", "depth", kPng), options.rate);
-  sequence.truth_file = root / "traj.txt";
-  std::istringstream in(read_file(sequence.truth_file));
-  // Row k is frame k.
-  double number = 0;
-  for (const SE3<double>& T_w_c : parse_pose_rows(in, sequence.truth_file.string()))
-    sequence.groundtruth.push_back({number++ / options.rate, T_w_c});
+  const fs::path truth = root / "traj.txt";
+  read_optional_truth(sequence, truth, [&] {  // row k is frame k
+    std::istringstream in(read_text(truth));
+    return parse_pose_rows(in, truth.string(), options.rate);
+  });
   for (const fs::path& folder : {root, fs::absolute(root).lexically_normal() / ".."}) {
     const fs::path file = (folder / "cam_params.json").lexically_normal();
     if (!fs::exists(file)) continue;
-    sequence.camera = parse_replica_camera(read_file(file), file.string());
+    sequence.camera = parse_replica_camera(read_text(file), file.string());
     sequence.camera_source = file.string();
     break;
   }
@@ -70,7 +69,7 @@ bool is_scannet(const fs::path& root) {
 }
 
 Eigen::Matrix4d read_intrinsics(const fs::path& file) {
-  std::istringstream in(read_file(file));
+  std::istringstream in(read_text(file));
   const auto K = parse_matrix(in, file.string());
   if (!K) throw InputError(file.string(), 0, "holds a number that is not finite");
   return *K;
@@ -107,8 +106,8 @@ Sequence load_scannet(const fs::path& root, const SequenceOptions& options) {
   sequence.root = root;
   pair_by_number(sequence, numbered_files(root / "color", "", kImageSuffixes),
                  numbered_files(root / "depth", "", kPng), options.rate);
-  sequence.groundtruth = read_pose_files(root / "pose", "", ".txt", options.rate);
-  sequence.truth_file = root / "pose";
+  read_optional_truth(sequence, root / "pose",
+                      [&] { return read_pose_files(root / "pose", "", ".txt", options.rate); });
   const fs::path file = root / "intrinsic" / "intrinsic_depth.txt";
   const Eigen::Matrix4d K = read_intrinsics(file);
   const cv::Size size = first_size(sequence.frames, true);
@@ -123,16 +122,29 @@ Sequence load_scannet(const fs::path& root, const SequenceOptions& options) {
 /// Folder of the colour images of a Redwood or Open3D sequence; empty where there is none.
 fs::path redwood_colour(const fs::path& root) {
   for (const char* name : {"color", "image", "rgb"}) {
-    if (holds(root / name, "", kImageSuffixes)) return root / name;
+    if (!numbered_images(root / name, kImageSuffixes).files.empty()) return root / name;
   }
   return {};
+}
+
+/// The images of a folder of a Redwood sequence; others are left out and said.
+std::vector<NumberedFile> redwood_images(Sequence& sequence, const fs::path& folder,
+                                         std::span<const std::string_view> suffixes) {
+  NumberedImages images = numbered_images(folder, suffixes);
+  if (images.others > 0)
+    sequence.notes.push_back(
+        fmt::format("{} of {} images in {} are left out, the first {}: the others have "
+                    "names like {}",
+                    images.others, images.others + images.files.size(), folder.string(), images.first_other,
+                    images.files.front().path.filename().string()));
+  return std::move(images.files);
 }
 
 bool is_redwood(const fs::path& root) {
   for (const char* other : {"intrinsic", "rgb.txt", "depth.txt", "associations.txt", "associated.txt"}) {
     if (fs::exists(root / other)) return false;
   }
-  return !redwood_colour(root).empty() && holds(root / "depth", "", kPng);
+  return !redwood_colour(root).empty() && !numbered_images(root / "depth", kPng).files.empty();
 }
 
 /// Names like 0000001-000000033333.png hold the time in microseconds; colour and depth count on their own.
@@ -159,7 +171,10 @@ void pair_by_microseconds(Sequence& sequence, const std::vector<NumberedFile>& c
   }
   if (sequence.frames.empty())
     throw InputError(sequence.root.string(), 0,
-                     fmt::format("no colour image has a depth image within {} s", max_difference));
+                     fmt::format("no colour image has a depth image within {} s by the times in their names, "
+                                 "such as {} and {}",
+                                 max_difference, colour.front().path.filename().string(),
+                                 depth.front().path.filename().string()));
 }
 
 /// trajectory.log, or the only file *.log; empty where there is none.
@@ -175,8 +190,13 @@ fs::path redwood_truth(const fs::path& root) {
 Sequence load_redwood(const fs::path& root, const SequenceOptions& options) {
   Sequence sequence;
   sequence.root = root;
-  const auto colour = numbered_files(redwood_colour(root), "", kImageSuffixes);
-  const auto depth = numbered_files(root / "depth", "", kPng);
+  if (redwood_colour(root).empty() || numbered_images(root / "depth", kPng).files.empty())
+    throw InputError(
+        root.string(), 0,
+        "has no images of this format: color/, image/ or rgb/ with PNG or JPEG files and depth/ with "
+        "PNG files whose names differ by a number, such as 0001.png or frame-1.png");
+  const auto colour = redwood_images(sequence, redwood_colour(root), kImageSuffixes);
+  const auto depth = redwood_images(sequence, root / "depth", kPng);
   const auto stamped = [](const NumberedFile& file) { return file.microseconds.has_value(); };
   if (std::all_of(colour.begin(), colour.end(), stamped) &&
       std::all_of(depth.begin(), depth.end(), stamped)) {
@@ -187,19 +207,15 @@ Sequence load_redwood(const fs::path& root, const SequenceOptions& options) {
   for (const char* name : {"camera_intrinsic.json", "intrinsic.json"}) {
     const fs::path file = root / name;
     if (!fs::exists(file)) continue;
-    sequence.camera = parse_open3d_camera(read_file(file), file.string());
+    sequence.camera = parse_open3d_camera(read_text(file), file.string());
     sequence.camera_source = file.string();
     break;
   }
-  sequence.truth_file = redwood_truth(root);
-  if (sequence.truth_file.empty()) return sequence;
-  std::istringstream in(read_file(sequence.truth_file));
-  for (const LogPose& pose : parse_log(in, sequence.truth_file.string())) {
-    if (pose.index >= sequence.colour_times.size())
-      throw InputError(sequence.truth_file.string(), 0,
-                       fmt::format("names frame {}, but there are {} colour images", pose.index,
-                                   sequence.colour_times.size()));
-    sequence.groundtruth.push_back({sequence.colour_times[pose.index], pose.T_w_c});
+  if (const fs::path truth = redwood_truth(root); !truth.empty()) {
+    read_optional_truth(sequence, truth, [&] {
+      std::istringstream in(read_text(truth));
+      return parse_log(in, truth.string(), sequence.colour_times);
+    });
   }
   return sequence;
 }

@@ -5,7 +5,9 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <sstream>
+#include <utility>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
@@ -81,23 +83,27 @@ std::optional<Eigen::Matrix4d> parse_matrix(std::istream& in, const std::string&
   return matrix;
 }
 
-std::vector<SE3<double>> parse_pose_rows(std::istream& in, const std::string& name) {
-  std::vector<SE3<double>> poses;
+UsablePoses parse_pose_rows(std::istream& in, const std::string& name, double rate) {
+  UsablePoses result;
   LineReader reader(in);
-  while (reader.next()) {
-    const auto numbers = numbers_of(reader, 16, name);
-    const auto pose =
-        rigid_motion(Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(numbers.data()));
-    if (!pose) throw InputError(name, reader.number(), kNoMotion);
-    poses.push_back(*pose);
+  for (double row = 0; reader.next(); ++row) {
+    try {
+      const auto numbers = numbers_of(reader, 16, name);
+      const auto pose =
+          rigid_motion(Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(numbers.data()));
+      if (!pose) throw InputError(name, reader.number(), kNoMotion);
+      result.poses.push_back({row / rate, *pose});
+    } catch (const InputError& error) {
+      result.leave_out(error.what());
+    }
   }
   check_stream(in, name);
-  if (poses.empty()) throw InputError(name, 0, "holds no poses");
-  return poses;
+  return result;
 }
 
-std::vector<LogPose> parse_log(std::istream& in, const std::string& name) {
-  std::vector<LogPose> poses;
+UsablePoses parse_log(std::istream& in, const std::string& name, std::span<const double> times) {
+  UsablePoses result;
+  std::optional<std::size_t> before;
   LineReader reader(in);
   while (reader.next()) {
     const std::size_t line = reader.number();
@@ -105,30 +111,59 @@ std::vector<LogPose> parse_log(std::istream& in, const std::string& name) {
     constexpr double kMost = 1e9;
     if (!(head[0] >= 0 && head[0] <= kMost) || head[0] != std::floor(head[0]))
       throw InputError(name, line, "expected the index of a frame, from 0");
-    const auto pose = rigid_motion(next_matrix(reader, name));
-    if (!pose) throw InputError(name, line + 1, kNoMotion);
     const auto index = static_cast<std::size_t>(head[0]);
-    if (!poses.empty() && index <= poses.back().index)
-      throw InputError(name, line, "the frames' indices do not increase");
-    poses.push_back({index, *pose});
+    if (before && index <= *before) throw InputError(name, line, "the frames' indices do not increase");
+    if (index >= times.size())
+      throw InputError(name, line,
+                       fmt::format("names frame {}, but there are {} colour images", index, times.size()));
+    before = index;
+    if (const auto pose = rigid_motion(next_matrix(reader, name))) {
+      result.poses.push_back({times[index], *pose});
+    } else {
+      result.leave_out(InputError(name, line + 1, kNoMotion).what());
+    }
   }
   check_stream(in, name);
-  if (poses.empty()) throw InputError(name, 0, "holds no poses");
-  return poses;
+  return result;
 }
 
-std::vector<StampedPose<double>> read_pose_files(const std::filesystem::path& folder, std::string_view prefix,
-                                                 std::string_view suffix, double rate) {
-  std::vector<StampedPose<double>> poses;
+UsablePoses read_pose_files(const std::filesystem::path& folder, std::string_view prefix,
+                            std::string_view suffix, double rate) {
+  UsablePoses result;
   for (const NumberedFile& file : numbered_files(folder, prefix, {&suffix, 1})) {
-    std::istringstream in(read_file(file.path));
-    const auto matrix = parse_matrix(in, file.path.string());
-    if (!matrix) continue;
-    const auto pose = rigid_motion(*matrix);
-    if (!pose) throw InputError(file.path.string(), 0, kNoMotion);
-    poses.push_back({static_cast<double>(file.number) / rate, *pose});
+    try {
+      std::istringstream in(read_text(file.path));
+      const auto matrix = parse_matrix(in, file.path.string());
+      if (!matrix) continue;
+      const auto pose = rigid_motion(*matrix);
+      if (!pose) throw InputError(file.path.string(), 0, kNoMotion);
+      result.poses.push_back({static_cast<double>(file.number) / rate, *pose});
+    } catch (const InputError& error) {
+      result.leave_out(error.what());
+    }
   }
-  return poses;
+  return result;
+}
+
+void read_optional_truth(Sequence& sequence, const std::filesystem::path& file,
+                         const std::function<UsablePoses()>& read) {
+  sequence.truth_file = file;
+  try {
+    UsablePoses found = read();
+    const std::string note = found.note();
+    sequence.groundtruth = std::move(found.poses);
+    if (sequence.groundtruth.empty()) {
+      if (found.left_out > 0) sequence.truth_missing = found.first_fault;
+      if (found.left_out == 0 && std::filesystem::exists(file))
+        sequence.truth_missing = file.string() + ": holds no poses";
+    } else if (found.left_out > 0) {
+      sequence.notes.push_back("ground truth: " + note);
+    }
+  } catch (const InputError& error) {
+    sequence.truth_missing = error.what();
+  }
+  if (!sequence.truth_missing.empty())
+    sequence.notes.push_back("the ground truth is not used: " + sequence.truth_missing);
 }
 
 }  // namespace dynslam::runtime::formats

@@ -2,6 +2,7 @@
 // Sequences with lists: TUM RGB-D, Bonn RGB-D Dynamic, ETH3D SLAM, ICL-NUIM.
 #include <fmt/format.h>
 
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <sstream>
@@ -18,9 +19,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<ListEntry> read_list(const fs::path& path) {
-  std::istringstream in(read_file(path));
-  auto list = parse_list(in, path.string());
+std::vector<ListEntry> read_list(const fs::path& path, std::vector<std::string>& notes) {
+  std::istringstream in(read_text(path));
+  auto list = parse_unsorted_list(in, path.string(), notes);
   if (list.empty()) throw InputError(path.string(), 0, "lists no images");
   return list;
 }
@@ -33,8 +34,7 @@ bool has_lists(const fs::path& root) {
 void read_truth(Sequence& sequence) {
   const fs::path path = sequence.root / "groundtruth.txt";
   if (!fs::exists(path)) return;
-  sequence.truth_file = path;
-  sequence.groundtruth = read_trajectory(path);
+  read_optional_truth(sequence, path, [&] { return read_usable_poses(path); });
 }
 
 bool is_eth3d(const fs::path& root) {
@@ -47,7 +47,7 @@ Sequence load_eth3d(const fs::path& root, const SequenceOptions& options) {
   read_lists(sequence, "associated.txt", options);
   read_truth(sequence);
   const fs::path file = root / "calibration.txt";
-  std::istringstream in(read_file(file));
+  std::istringstream in(read_text(file));
   sequence.camera = parse_eth3d_camera(in, first_size(sequence.frames, false), file.string());
   sequence.camera_source = file.string();
   return sequence;
@@ -67,7 +67,7 @@ std::vector<fs::path> icl_truths(const fs::path& root) {
 /// Whether the list begins as ICL-NUIM's does: "0 depth/0.png 0 rgb/0.png", frames by number, depth first.
 bool is_icl_list(const fs::path& path) {
   if (!fs::is_regular_file(path)) return false;
-  std::istringstream in(read_file(path));
+  std::istringstream in(read_text(path));
   LineReader reader(in);
   if (!reader.next()) return false;
   const auto words = split_words(reader.line());
@@ -109,14 +109,16 @@ Sequence load_icl(const fs::path& root, const SequenceOptions& options) {
     for (double& t : *times) t /= options.rate;
   }
   const auto truths = icl_truths(root);
-  if (truths.size() > 1)
-    throw InputError(root.string(), 0,
-                     fmt::format("has two ground truths, {} and {}", truths[0].filename().string(),
-                                 truths[1].filename().string()));
   if (!truths.empty()) {
-    sequence.truth_file = truths.front();
-    for (const auto& pose : read_trajectory(truths.front()))  // numbers of frames for times
-      sequence.groundtruth.push_back({pose.t / options.rate, with_y_down(pose.T_w_c)});
+    read_optional_truth(sequence, truths.front(), [&] {
+      if (truths.size() > 1)
+        throw InputError(root.string(), 0,
+                         fmt::format("has two ground truths, {} and {}", truths[0].filename().string(),
+                                     truths[1].filename().string()));
+      UsablePoses truth = read_usable_poses(truths.front());  // numbers of frames for times
+      for (auto& pose : truth.poses) pose = {pose.t / options.rate, with_y_down(pose.T_w_c)};
+      return truth;
+    });
   }
   sequence.camera = pinhole_camera("icl-nuim", {640, 480, 481.2, 480, 319.5, 239.5, 5000}, "icl-nuim");
   sequence.camera_source = "the data set's description (its fy of -480 means that y points up in the truth)";
@@ -141,6 +143,7 @@ Sequence load_bonn(const fs::path& root, const SequenceOptions& options) {
   Sequence sequence = load_tum(root, options);
   sequence.folder_camera = "bonn";
   sequence.camera_hint = "bonn";
+  if (!sequence.groundtruth.empty()) sequence.truth_turned = turn_bonn_truth(sequence.groundtruth);
   return sequence;
 }
 
@@ -149,6 +152,20 @@ bool is_tum(const fs::path& root) {
 }
 
 }  // namespace
+
+std::string turn_bonn_truth(std::vector<StampedPose<double>>& truth) {
+  // The data set's page: camera = T_ros T_markers T_ros T_m. T_ros on the left turns the world, which nobody
+  // sees; T_m was solved for with a scale, so the nearest rotation counts. Positions stay those of the body,
+  // with which results are published; it is 2 cm beside the camera.
+  Eigen::Matrix3d T_ros, T_m;
+  T_ros << -1, 0, 0, 0, 0, 1, 0, 1, 0;
+  T_m << 1.0157, 0.1828, -0.2389, 0.0009, -0.8431, -0.6413, -0.3009, 0.6147, -0.8085;
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(T_ros * T_m, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Eigen::Matrix3d nearest = svd.matrixU() * svd.matrixV().transpose();
+  const SE3<double> turn(Eigen::Quaterniond(nearest).normalized(), Eigen::Vector3d::Zero());
+  for (auto& pose : truth) pose.T_w_c = pose.T_w_c * turn;
+  return "ground truth: of the body with the markers, turned to the camera by Bonn's published rotation";
+}
 
 std::string folder_name(const fs::path& root) {
   fs::path folder = fs::absolute(root).lexically_normal();
@@ -181,8 +198,8 @@ void read_lists(Sequence& sequence, const std::string& associations, const Seque
   const fs::path& root = sequence.root;
   const double offset = depth_time_offset(sequence, options);
   if (const fs::path path = root / associations; fs::exists(path)) {
-    std::istringstream in(read_file(path));
-    sequence.frames = parse_associations(in, path.string());
+    std::istringstream in(read_text(path));
+    sequence.frames = parse_unsorted_associations(in, path.string(), sequence.notes);
     if (sequence.frames.empty()) throw InputError(path.string(), 0, "lists no images");
     for (FrameRecord& record : sequence.frames) {
       record.t_depth -= offset;
@@ -190,7 +207,8 @@ void read_lists(Sequence& sequence, const std::string& associations, const Seque
       sequence.depth_times.push_back(record.t_depth);
     }
   } else {
-    const auto rgb = read_list(root / "rgb.txt"), depth = read_list(root / "depth.txt");
+    const auto rgb = read_list(root / "rgb.txt", sequence.notes),
+               depth = read_list(root / "depth.txt", sequence.notes);
     for (const auto& e : rgb) sequence.colour_times.push_back(e.t);
     for (const auto& e : depth) sequence.depth_times.push_back(e.t - offset);
     for (const auto& [i, j] :

@@ -5,6 +5,7 @@
 
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace dynslam::runtime {
@@ -18,6 +19,9 @@ struct Table {
 
 /// A number with so many decimals; "-" where it is not finite.
 [[nodiscard]] std::string cell(double value, int decimals, const std::string& unit = {});
+
+/// A text on one line of Markdown, whatever is in it.
+[[nodiscard]] std::string markdown_text(std::string_view text);
 
 /// Columns of equal width, for a terminal.
 [[nodiscard]] std::string to_text(const Table& table);

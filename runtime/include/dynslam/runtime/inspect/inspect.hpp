@@ -45,7 +45,8 @@ struct EdgeReport {
 struct TruthReport {
   std::size_t poses = 0;
   double covered = 0;           ///< share of the pairs with a pose
-  std::size_t motions = 0;      ///< compared
+  std::size_t bursts = 0;       ///< of frames with a pose at both ends
+  std::size_t motions = 0;      ///< measured in them and compared
   std::size_t agreeing = 0;     ///< of them, those of about the true rotation and direction
   std::optional<double> scale;  ///< median of true over measured distance; empty: the camera hardly moved
 };
@@ -63,7 +64,8 @@ struct SequenceReport {
   EdgeReport edges;
   TruthReport truth;
   std::vector<std::string> odd;  ///< one line each, in order of weight
-  std::string command;           ///< to run the sequence
+  bool undecodable = false;      ///< none of the frames looked at can be decoded
+  std::string command;           ///< to run the sequence; empty where it cannot be
 };
 
 /// Options of inspect_sequence().
@@ -81,6 +83,9 @@ struct InspectOptions {
 /// What is odd about the camera of a sequence, one line each: against the one that the name of the folder or
 /// the bag speaks of, its centre, its focal lengths.
 [[nodiscard]] std::vector<std::string> camera_doubts(const Sequence& sequence, const CameraConfig& camera);
+/// What is odd about the times of a sequence, one line each: stamps that are no seconds, a ground truth of
+/// other times, with what would make them fit.
+[[nodiscard]] std::vector<std::string> time_doubts(const Sequence& sequence);
 /// As `info --json` prints it.
 [[nodiscard]] nlohmann::json to_json(const SequenceReport& report);
 /// As `info` prints it.

@@ -23,6 +23,10 @@ struct ConvertOptions {
 /// What convert_sequence() did.
 struct ConvertReport {
   std::size_t written = 0;
+  std::size_t without_depth = 0;  ///< of them, frames whose new depth image has none at all
+  std::size_t depth_pixels = 0;   ///< with depth, over all frames
+  std::size_t too_far =
+      0;  ///< of them, those that 16 bits of the camera's units cannot hold: 0 in the new one
   std::vector<std::string> broken;  ///< frames that could not be read and were left out, one line each
 };
 

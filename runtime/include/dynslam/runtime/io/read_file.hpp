@@ -19,6 +19,10 @@ inline constexpr std::uint64_t kReadLimit = std::uint64_t(1) << 28;
 ///         stream takes for the end of the file
 [[nodiscard]] std::string read_file(const std::filesystem::path& path, std::uint64_t limit = kReadLimit);
 
+/// The text of a regular file, without the byte order mark that Windows' editors put before it.
+/// @throws InputError as read_file(), and for UTF-16 and UTF-32, which no reader of this library takes
+[[nodiscard]] std::string read_text(const std::filesystem::path& path, std::uint64_t limit = kReadLimit);
+
 /// Refuses what is there and no regular file, for those who read by a stream. @throws InputError naming it
 void check_regular_file(const std::filesystem::path& path);
 

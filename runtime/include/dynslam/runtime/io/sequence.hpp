@@ -29,6 +29,7 @@ struct FrameRecord {
   cv::Size colour_size{};  ///< of the colour file [px] where it is to be scaled to the camera's; else empty
   std::shared_ptr<const ImageSource> source{};      ///< of images that are no files; else null
   std::size_t colour_number = 0, depth_number = 0;  ///< there
+  bool float_units = false;  ///< depth of 32-bit floats is in the camera's units, not in metres
 };
 
 /// A recorded sequence on disk, in a folder or a file: what every format fills.
@@ -44,9 +45,12 @@ struct Sequence {
   std::filesystem::path truth_file{};  ///< file or folder of the ground truth
   std::vector<double> colour_times{}, depth_times{};  ///< of all images, those without a partner, too [s]
   std::string topics{};                               ///< of a bag, "COLOUR,DEPTH", as chosen
-  std::string truth_missing{};  ///< why there is no ground truth, where the format knows
-  double depth_units = 0;       ///< per metre, of a camera that does not say so; 0: as load_camera() has it
-  bool has_stamps = true;       ///< times are recorded; else they are frame number / rate
+  std::string truth_missing{};       ///< why there is no ground truth, where the format knows
+  std::string truth_turned{};        ///< how poses of a body became the camera's, in a line; empty: they were
+  std::vector<std::string> notes{};  ///< what is left out or missing of it, one line each
+  double depth_units = 0;    ///< per metre, of a camera that does not say so; 0: as load_camera() has it
+  bool float_depth = false;  ///< depth images are 32-bit floats: metres, unless FrameRecord::float_units
+  bool has_stamps = true;    ///< times are recorded; else they are frame number / rate
 };
 
 /// How a sequence is read.
@@ -64,7 +68,7 @@ struct SequenceOptions {
 struct SequenceFormat {
   std::string_view name, files;
 };
-/// All formats: tum, bonn, eth3d, icl-nuim, 7-scenes, replica, scannet, redwood, bag. See
+/// All formats: tum, bonn, eth3d, icl-nuim, 7-scenes, replica, scannet, redwood, bag, ros2. See
 /// docs/your-own-data.md.
 [[nodiscard]] std::vector<SequenceFormat> sequence_formats();
 /// The formats that a folder, or a file, looks like; more than one where it holds the files of several.

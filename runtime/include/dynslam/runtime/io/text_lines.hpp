@@ -26,7 +26,17 @@ namespace dynslam::runtime {
 /// A finite number that fills the whole word; nullopt otherwise.
 [[nodiscard]] std::optional<double> parse_number(std::string_view word);
 
-/// Reads a text file line by line, skipping blank lines and comments (#).
+/// Whether a text has control characters: line breaks, tabs, escapes. A name that goes into lines has none.
+[[nodiscard]] bool has_control(std::string_view text);
+/// The text on one line that no terminal obeys: control characters as \xNN.
+[[nodiscard]] std::string printable(std::string_view text);
+
+/// A text without the byte order mark of UTF-8 before it.
+[[nodiscard]] std::string_view without_mark(std::string_view text);
+/// The same of a file's whole text. @throws InputError naming the file, for UTF-16 and UTF-32
+[[nodiscard]] std::string as_utf8(std::string text, const std::string& name);
+
+/// Reads a text file line by line, skipping blank lines, comments (#) and a byte order mark.
 class LineReader {
  public:
   explicit LineReader(std::istream& in) : in_(in) {}

@@ -24,6 +24,13 @@ struct ListEntry {
 /// Reads "rgb_stamp rgb_path depth_stamp depth_path" lines; the two images may change places where the paths
 /// say which one is depth. @throws InputError like parse_list
 [[nodiscard]] std::vector<FrameRecord> parse_associations(std::istream& in, const std::string& name);
+/// The same of lists in any order: they are sorted by time, and of a time that comes once more the first line
+/// counts. @param notes  takes what was mended, a line each
+[[nodiscard]] std::vector<ListEntry> parse_unsorted_list(std::istream& in, const std::string& name,
+                                                         std::vector<std::string>& notes);
+/// By the colour images' times.
+[[nodiscard]] std::vector<FrameRecord> parse_unsorted_associations(std::istream& in, const std::string& name,
+                                                                   std::vector<std::string>& notes);
 
 }  // namespace dynslam::runtime
 

@@ -53,6 +53,7 @@ struct RunOptions {
   /// masks come late. The results are then not the same in every run.
   Schedule schedule = Schedule::deterministic;
   double live_speed = 1;         ///< of that pace: 2 is twice as fast
+  double live_gap = 10;          ///< between two frames [s]: a longer one is not waited for, but said
   LiveOptions live;              ///< its functions are not used
   NewMapOptions new_map;         ///< what a loss that lasts begins
   TrajectoryOptions trajectory;  ///< how trajectory.txt is smoothed

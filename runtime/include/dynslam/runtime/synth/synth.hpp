@@ -16,9 +16,10 @@ struct SynthOptions {
   int frames = 150;
   std::string path =
       "halfsphere";  ///< static, xyz, rpy, halfsphere (as TUM's camera motions); loop: once around in 18 s
-  /// walking; sitting (nobody walks); box (a box moves by itself); board (a large one, all texture); empty
+  /// walking; sitting (nobody walks); box (a box moves by itself); board (a large one, all texture); crowd
+  /// (feet in view, hands on a counter, a chair that is pushed and pulled); empty
   std::string scenario = "walking";
-  int walkers = 2;  ///< people who walk (scenario walking)
+  int walkers = 2;  ///< people who walk (scenarios walking and crowd, there beside the one with the chair)
   bool box = true;  ///< the first walker carries a box that no segmenter has a class for
   bool exposure_change = false;
   bool motion_blur = false;

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Internal to the evaluation.
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include "dynslam/eval/trajectory.hpp"
+
+namespace dynslam::runtime {
+
+/// Seconds to add to an estimate's times so that it turns and moves when the ground truth does, whatever the
+/// two clocks say and however the two are aligned. nullopt where neither tells.
+[[nodiscard]] std::optional<double> clock_offset(std::span<const StampedPose<double>> estimate,
+                                                 std::span<const StampedPose<double>> groundtruth);
+
+}  // namespace dynslam::runtime
