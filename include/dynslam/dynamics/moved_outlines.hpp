@@ -27,7 +27,7 @@ struct SurfaceEvidenceOptions {
   double most = 3, most_rest = 0.5;  ///< greatest ratio for motion and for rest
   /// Least outline of a surface of n cells, in sqrt(n) sides: a square has 4. Where less is its own silhouette, as of an
   /// object that stands on a floor and the floor, the rest counts as not moved.
-  double perimeter = 3;
+  double perimeter = 3.5;
   int outline = 20;                  ///< least sides of cells,
   int keypoints = 15;                ///< and keypoints, that are evidence
 };
