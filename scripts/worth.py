@@ -19,17 +19,18 @@ def without_addition(name):
 
 # Name of a part -> what of the configuration leaves it out.
 PARTS = {
-    "keypoint_bodies": "[tracker.geometry.keypoint_seeds]\nterritory = 0.0\nbody_share = 2.0\n",
-    "outlines": "[tracker.geometry.outlines]\nshare = 2.0\nsure = 2.0\nstill = 0\nkeypoints = 0\n",
+    "keypoints": "[tracker.geometry.belief.keypoints]\ndynamic = 0.0\nstatic = 0.0\n",
+    "surface_keypoints": "[tracker.geometry.belief.surfaces]\nkeypoints = 1000000\n",
+    "outlines": "[tracker.geometry.belief.surfaces]\noutline = 1000000\n",
+    "pooling": "[tracker.geometry.belief.pooling]\ncoupling = 0.0\n",
     "background_motion": "[tracker.search]\nyoung_frames = 0\n",
-    "whole_surfaces": "[tracker.geometry.growing]\nwhole = 2.0\nstill = 2.0\n",
     "unmeasured_pixels": "[tracker.geometry.unmeasured]\nreach = 0.0\n",
     "colour_time": "[tracker.geometry.delay]\nreach = 0.0\n[tracker.geometry.delay.edge]\nreach = 0.0\n",
     "vanished_piece": "[tracker]\nvanished_piece = 1.0\n",
     "recovered_frames": "[tracker.search]\nrecovered_frames = 0\n",
     "revise": "[tracker.search]\nrevise = false\n",
     "smoothing": "[trajectory]\nsmooth = false\n",
-    "carried_masks": "[tracker.geometry.free_space]\ncarry = 0.0001\n",
+    "memory": "[tracker.geometry.belief.free_space]\nmemory = 0.001\n",
     **{name: without_addition(name) for name in ADDITIONS},
 }
 

@@ -125,14 +125,12 @@ TEST_CASE("a printed configuration reads back the same: defaults, and every fiel
 
 TEST_CASE("fields of earlier versions have no effect, and a line says so") {
   Configured read;
-  const auto notes = read.read("[tracker.geometry.free_space]\ncarry = 10\nframe_rate = 400\ntiming = 0.2\n");
+  const auto notes = read.read(
+      "[tracker.geometry.free_space]\ncarry = 10\ntiming = 0.2\n[tracker.geometry.growing]\nwhole = 0.5\nreach = 9\n");
   REQUIRE(notes.size() == 2);
-  CHECK(
-      notes[0] ==
-      "c.toml:3: tracker.geometry.free_space.frame_rate has no effect any more: the frames' time stamps tell "
-      "how old they are");
-  CHECK(mentions(notes[1], "c.toml:4: tracker.geometry.free_space.timing has no effect any more"));
-  CHECK(read.options.tracker.geometry.free_space.carry == 10);
+  CHECK(mentions(notes[0], "c.toml:1: [tracker.geometry.free_space] has no effect any more"));
+  CHECK(mentions(notes[1], "c.toml:5: tracker.geometry.growing.whole has no effect any more"));
+  CHECK(read.options.tracker.geometry.growing.reach == 9);
 }
 
 TEST_CASE("a configuration's mistakes are named with file, line, what was expected and the nearest name") {
@@ -165,7 +163,7 @@ TEST_CASE("a configuration's mistakes are named with file, line, what was expect
            Wrong{"[general]\ndynamics = \"magic\"\n",
                  "expected one of \"auto\", \"none\", \"semantic\", \"geometric\", \"both\", not \"magic\""},
            Wrong{"[tracker]\nadditions = [\"magic\"]\n", "expected \"auto\" or an array of surface_weights"},
-           Wrong{"[tracker.geometry.free_space]\nlags = [0.1, 0.2]\n", "expected an array of 7 numbers"},
+           Wrong{"[tracker.geometry.belief.free_space]\nlags = [0.1, 0.2]\n", "expected an array of 7 numbers"},
            Wrong{"[segmentation.segmenter]\ninput = [640,\n", "the closing ] is missing on this line"},
            Wrong{"[general\n", "c.toml:1: expected [table]"},
            Wrong{"[general]\nmap\n", "c.toml:2: expected 'option = value'"},

@@ -21,10 +21,18 @@ namespace {
 struct RemovedField {
   std::string_view name, reason;
 };
+constexpr std::string_view kBelief = "one belief of motion took its place, see [tracker.geometry.belief]";
 constexpr std::array kRemoved{
-    RemovedField{"tracker.geometry.free_space.frame_rate", "the frames' time stamps tell how old they are"},
-    RemovedField{"tracker.geometry.free_space.timing",
-                 "depth_time_uncertainty [s] took its place; at 30 Hz it is a thirtieth of the share"},
+    RemovedField{"tracker.geometry.growing.whole", kBelief},
+    RemovedField{"tracker.geometry.growing.was", kBelief},
+    RemovedField{"tracker.geometry.growing.still", kBelief},
+};
+/// The same of whole tables.
+constexpr std::array kRemovedTables{
+    RemovedField{"tracker.geometry.free_space", kBelief},
+    RemovedField{"tracker.geometry.free_space.margins", kBelief},
+    RemovedField{"tracker.geometry.keypoint_seeds", kBelief},
+    RemovedField{"tracker.geometry.outlines", kBelief},
 };
 
 /// ", did you mean NAME?", or nothing.
@@ -71,6 +79,7 @@ class ConfigReader {
   void line(std::string_view line, std::size_t number) {
     number_ = number;
     if (line.front() == '[') return begin(table_name(line));
+    if (removed_) return;
     const auto equals = line.find('=');
     if (equals == std::string_view::npos) fail("expected 'option = value'");
     const std::string_view key = trim(line.substr(0, equals)), value = trim(line.substr(equals + 1));
@@ -86,6 +95,12 @@ class ConfigReader {
 
   void begin(std::string name) {
     if (name.empty()) fail("expected [table]");
+    const auto removed = std::ranges::find(kRemovedTables, std::string_view(name), &RemovedField::name);
+    removed_ = removed != kRemovedTables.end();
+    if (removed_) {
+      notes_.push_back(fmt::format("{}:{}: [{}] has no effect any more: {}", file_, number_, name, removed->reason));
+      return;
+    }
     const auto has = [&](const std::vector<std::string>& names) {
       return std::find(names.begin(), names.end(), name) != names.end();
     };
@@ -131,6 +146,7 @@ class ConfigReader {
   const ConfigSections& others_;
   std::vector<std::string> tables_;
   std::string table_;
+  bool removed_ = false;  // the table at hand is one of an earlier version
   bool in_table_ = false;  // of fields
   std::set<std::string> given_;
   std::vector<std::string> notes_;
