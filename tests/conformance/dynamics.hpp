@@ -126,8 +126,6 @@ template <class Kind, class Camera>
   const auto located = locate_reference(camera, Matches(matches), SE3<S>(), Kind::in(depth), SE3<S>(),
                                         LocateOptions<S>{}, locating);
   out.put("locate_reference", located.ok() && (located.T_c_w * T.inverse()).log().norm() < S(0.01));
-  out.put("moves_as_one", moves_as_one(camera, Matches(matches), SE3<S>(), Kind::in(depth), T, S(0.6),
-                                       LocateOptions<S>{}, locating));
   return out;
 }
 

@@ -103,13 +103,13 @@ TEST_CASE_TEMPLATE("what has come contradicts the free space, what was there is 
   }
   f.look(60);
   f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.evidence);
-  const float prior = f.history.options().prior;
+  const auto prior = static_cast<double>(f.history.options().prior);
   CHECK(f.evidence.fresh(19, 15) == 1);
   CHECK(f.evidence.rested(19, 15) == 0);
   CHECK(f.evidence.belief(19, 15) > 1);
   CHECK(f.evidence.fresh(4, 4) == 0);
   CHECK(f.evidence.rested(4, 4) == 1);
-  CHECK(f.evidence.belief(4, 4) < prior);
+  CHECK(static_cast<double>(f.evidence.belief(4, 4)) < prior);
 
   // A belief goes along with its surface.
   Image<float> moved = f.still;
