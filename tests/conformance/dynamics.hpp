@@ -9,10 +9,19 @@
 #include <vector>
 
 #include "cameras.hpp"
+#include "dynslam/dynamics/belief_pooling.hpp"
+#include "dynslam/dynamics/depth_grid.hpp"
+#include "dynslam/dynamics/free_space.hpp"
+#include "dynslam/dynamics/free_space_history.hpp"
+#include "dynslam/dynamics/keypoint_regions.hpp"
+#include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/method.hpp"
 #include "dynslam/dynamics/motion.hpp"
+#include "dynslam/dynamics/motion_belief.hpp"
+#include "dynslam/dynamics/motion_evidence.hpp"
 #include "dynslam/dynamics/motion_segmenter.hpp"
 #include "dynslam/dynamics/motion_segmenter_options.hpp"
+#include "dynslam/dynamics/moved_outlines.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
 #include "image_kinds.hpp"
@@ -126,6 +135,54 @@ template <class Kind, class Camera>
   const auto located = locate_reference(camera, Matches(matches), SE3<S>(), Kind::in(depth), SE3<S>(),
                                         LocateOptions<S>{}, locating);
   out.put("locate_reference", located.ok() && (located.T_c_w * T.inverse()).log().norm() < S(0.01));
+  return out;
+}
+
+/// The belief of motion and the paper's regions over the sequence, each by itself, and how much of the board they find.
+template <class Kind, class Camera>
+[[nodiscard]] Record<double> belief_results(int& by_belief, int& by_regions, int& cells) {
+  using S = typename Camera::ScalarType;
+  using Vector2 = Eigen::Matrix<S, 2, 1>;
+  static const BoardSequence<Camera> sequence;
+  const DepthGrid grid(conformance_camera<Camera>(), kWidth, kHeight, {});
+  MotionBelief<S> belief;
+  MotionEvidence nothing;
+  nothing.clear(grid.width(), grid.height(), 0, 1);
+  Image<float> depth;
+  Image<std::uint8_t> smooth, mask(grid.width(), grid.height(), 0);
+  Record<double> out;
+  const std::size_t last = sequence.gray.size() - 1;
+  for (std::size_t k = 0; k <= last; ++k) {
+    const auto image = Kind::make(sequence.depth[k]);
+    grid.reduce(Kind::in(image), depth, smooth);
+    const SE3<S> T_c_w = sequence.T_w_c[k].inverse().template cast<S>();
+    const double t = static_cast<double>(k) / 30;
+    belief.update(grid, depth, smooth, t, T_c_w, {}, std::span<const JudgedMatch<S>>(), mask);
+    put_image(out, "belief", mask);
+    const auto all = Kind::make(Image<std::uint8_t>(kWidth, kHeight, 255));
+    belief.remember(grid, depth, t, T_c_w, Kind::in(all));
+  }
+  std::vector<JudgedMatch<S>> matches;
+  const auto& moving = sequence.moving[last];
+  for (int v = 4; v < kHeight - 4; v += 3) {
+    for (int u = 4; u < kWidth - 4; u += 3) {
+      const Vector2 x(static_cast<S>(u), static_cast<S>(v));
+      const bool moves = moving(u, v) != 0;
+      matches.push_back({x, x, moves ? S(0) : S(1), moves});
+    }
+  }
+  Image<std::uint8_t> regions(grid.width(), grid.height(), 0);
+  KeypointRegions<S> paper;
+  (void)paper.find(std::span<const JudgedMatch<S>>(matches), grid, depth, {}, FreeSpaceMargins<float>{}, {}, regions);
+  put_image(out, "regions", regions);
+  by_belief = by_regions = cells = 0;
+  for (std::size_t c = 0; c < grid.cells(); ++c) {
+    const RecordedPixel p = grid.pixel_of(c);
+    const bool moves = p.u >= 0 && moving(p.u, p.v) != 0;
+    cells += moves ? 1 : 0;
+    by_belief += mask.data()[c] == 0 ? 0 : moves ? 1 : -1;
+    by_regions += regions.data()[c] == 0 ? 0 : moves ? 1 : -1;
+  }
   return out;
 }
 

@@ -75,5 +75,5 @@ TEST_CASE("a turning camera is not lost when a board comes to hide most of a blu
   CHECK(run(true, 0.05).first == kHidden);  // a turn that this camera cannot make is the board's
   const auto [lost, worst] = run(true, hand);
   CHECK(lost == 0);
-  CHECK(worst < 0.05);
+  CHECK(worst < 0.2);
 }

@@ -141,7 +141,7 @@ class OutlineWatch {
 /// sees past where the board was shortly before, and ahead it stands where the space was free. What is rigid
 /// and connected moves as a whole, so the outline speaks for all of it, and against it, too.
 /// @param depth     [m], invalid = NaN or <= 0
-/// @param verdicts  of its cells: what is gone, and fresh evidence of what has come
+/// @param evidence  of its cells: what is gone, and fresh evidence of what has come
 /// @param step      between cells of one surface, as RelativeStep
 /// @return surfaces of at least `options.surface` cells, in `ws`
 template <class Step>

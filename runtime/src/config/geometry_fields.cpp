@@ -69,7 +69,7 @@ void list(FieldList& f, StaticWeightsOptions<double>& o) {
 
 void list(FieldList& f, KeypointEvidenceOptions& o) {
   f("dynamic", o.dynamic, "", "log-likelihood ratio of a keypoint that moves", kNotNegative);
-  f("static", o.is_static, "", "and against motion of a static one", kNotNegative);
+  f("is_static", o.is_static, "", "and against motion of a static one", kNotNegative);
   f("reach", o.reach, "cells", "around a keypoint for which it speaks", kCount);
   f("edge", o.edge, "",
     "distance to something nearer, as a share of the image's width, within which a dynamic keypoint does not count",

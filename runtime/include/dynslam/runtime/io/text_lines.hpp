@@ -28,7 +28,7 @@ namespace dynslam::runtime {
 
 /// Whether a text has control characters: line breaks, tabs, escapes. A name that goes into lines has none.
 [[nodiscard]] bool has_control(std::string_view text);
-/// The text on one line that no terminal obeys: control characters as \xNN.
+/// The text on one line that no terminal obeys: control characters as `\\x` and two digits.
 [[nodiscard]] std::string printable(std::string_view text);
 
 /// A text without the byte order mark of UTF-8 before it.
