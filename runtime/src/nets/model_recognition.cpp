@@ -253,9 +253,9 @@ std::vector<std::int64_t> input_shape(const std::vector<TensorInfo>& inputs, cv:
   shape[rank - 3] = 3;
   if (shape[rank - 2] <= 0) shape[rank - 2] = open.height;
   if (shape[rank - 1] <= 0) shape[rank - 1] = open.width;
-  constexpr std::int64_t kSmallest = 16, kLargest = 8192;  // [px]
+  constexpr std::int64_t kNarrowest = 16, kWidest = 8192;  // [px]
   const auto [low, high] = std::minmax(shape[rank - 2], shape[rank - 1]);
-  if (low < kSmallest || high > kLargest)
+  if (low < kNarrowest || high > kWidest)
     fail(fmt::format("takes images of {} x {}", shape[rank - 1], shape[rank - 2]));
   return shape;
 }
