@@ -123,8 +123,9 @@ TEST_CASE("a crowd walks on the floor in view of every gentle path: soles and fl
       const TrueFrame frame(crowd, i);
       CHECK(frame.T_w_c.translation().z() > 1.2);
       CHECK(frame.T_w_c.translation().z() < 1.6);
-      for (const auto& [instance, pixel] : standing_feet(frame)) {
-        CAPTURE(instance);
+      for (const auto& foot : standing_feet(frame)) {
+        CAPTURE(foot.first);
+        const auto& pixel = foot.second;
         const double z = static_cast<double>(frame.depth.at<float>(pixel.y, pixel.x));
         const double below = static_cast<double>(frame.depth.at<float>(pixel.y + 1, pixel.x));
         CHECK(z > 2.2);
