@@ -19,7 +19,7 @@ struct Speeds {
   std::array<std::vector<double>, 2> values;  // of turning [rad/s] and of moving [m/s]
 };
 
-constexpr double kLongestGap = 0.25;  // between poses, that is interpolated over [s]
+constexpr double kInterpolatedGap = 0.25;  // between poses, that is interpolated over [s]
 
 Speeds speeds_of(Poses poses, double step) {
   Speeds s;
@@ -32,7 +32,7 @@ Speeds speeds_of(Poses poses, double step) {
     const double t = s.begin + static_cast<double>(k) * step;
     while (after + 1 < poses.size() && poses[after].t < t) ++after;
     const double dt = poses[after].t - poses[after - 1].t;
-    if (!(dt > 0) || dt > kLongestGap) continue;
+    if (!(dt > 0) || dt > kInterpolatedGap) continue;
     const SE3<double> motion = poses[after - 1].T_w_c.inverse() * poses[after].T_w_c;
     s.values[0][k] = motion.so3().log().norm() / dt;
     s.values[1][k] = motion.translation().norm() / dt;
@@ -64,7 +64,7 @@ std::optional<double> error_at(Poses estimate, Poses truth, double offset) {
     const double t = pose.t + offset;
     while (after + 1 < truth.size() && truth[after].t < t) ++after;
     const auto &p = truth[after - 1], &q = truth[after];
-    if (t < p.t || t > q.t || q.t - p.t > kLongestGap || !(q.t > p.t)) continue;
+    if (t < p.t || t > q.t || q.t - p.t > kInterpolatedGap || !(q.t > p.t)) continue;
     const double share = (t - p.t) / (q.t - p.t);
     a.push_back(pose.T_w_c.translation());
     b.push_back((1 - share) * p.T_w_c.translation() + share * q.T_w_c.translation());
