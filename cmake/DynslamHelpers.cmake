@@ -87,3 +87,11 @@ function(dynslam_register_doctest target prefix)
     endif()
   endforeach()
 endfunction()
+
+# Links a target with LIBRARY of an optional package and defines DEFINITION=1, where the package was found.
+function(dynslam_link_optional target scope package library definition)
+  if(${package}_FOUND)
+    target_link_libraries(${target} ${scope} ${library})
+    target_compile_definitions(${target} ${scope} ${definition}=1)
+  endif()
+endfunction()

@@ -3,21 +3,20 @@
 
 #include "dynslam/push_macros.hpp"
 
-#include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <vector>
 
 #include "dynslam/config.hpp"
 #include "dynslam/image/image.hpp"
+#include "dynslam/segment/growing_criteria.hpp"
 
 namespace dynslam {
 
 /// How beliefs are pooled within a surface.
 struct PoolingOptions {
   float coupling = 1.0F;  ///< weight of a neighbour on the same surface, beside 1 of what was seen of the cell itself
-  float step_base = 0.03F, step_quad = 0.010F;  ///< depth step within a surface: base + quad z^2 [m, 1/m]
-  int sweeps = 3;                               ///< over rows and columns
+  RelativeStep<float> step{0.03F, 0.010F};  ///< of depth within a surface
+  int sweeps = 3;                           ///< over rows and columns
 };
 
 /// Memory of pool_beliefs; keep it between calls to avoid allocation.
@@ -28,10 +27,9 @@ struct PoolingWorkspace {
 };
 
 namespace detail {
-/// Coupling between neighbouring cells of depth `z` and `to` [m].
+/// Coupling between neighbouring cells of depth `z` and `to` [m]; 0 where one is NaN.
 [[nodiscard]] inline float coupling(float z, float to, const PoolingOptions& o) {
-  const float nearer = std::min(z, to);
-  return std::abs(to - z) < o.step_base + o.step_quad * nearer * nearer ? o.coupling : 0.0F;  // 0 for NaN
+  return o.step(z, to) ? o.coupling : 0.0F;
 }
 
 /// One line of the grid: solves for its n cells, those of other lines being fixed (Thomas' algorithm).

@@ -4,6 +4,7 @@
 #include "dynslam/push_macros.hpp"
 
 #include <algorithm>
+#include <array>
 #include <concepts>
 #include <cstdint>
 
@@ -57,6 +58,31 @@ template <DepthImage D>
   }
   return false;
 }
+
+/// Options of FreeSpaceHistory.
+struct FreeSpaceOptions {
+  /// Ages of the views that the present one is compared with, ascending [s]: near ones follow what was found,
+  /// far ones show slow motion. The remembered view nearest to each is used, once. One that is not older than
+  /// the first only passes its mask on: in so short a time hardly anything moves by more than the noise.
+  std::array<double, 7> lags{1 / 30.0, 4 / 30.0, 8 / 30.0, 0.5, 25 / 30.0, 40 / 30.0, 2.0};
+  double old_lag = 8 / 30.0;    ///< a mover has left its own volume by then: what is still there supports [s]
+  double rest_lag = 25 / 30.0;  ///< what has stayed for so long is at rest, even if it moved before [s]
+  double follow_lag = 4 / 30.0;  ///< the last view, and those up to this age, pass their belief on [s]
+  double memory = 0.7;           ///< time in which a belief without new evidence falls to 1/e of it [s]
+  float prior = -2;              ///< log-odds that a surface moves of which nothing is known
+  float unseen = 0.02F;          ///< confidence in that, beside 1 of a surface that was seen before
+  float violated = 2.5F;         ///< log-likelihood ratio of a surface where the space was free, per view
+  float supported = 0.5F;        ///< and against motion, of one that was there already, per view
+  float bound = 4;               ///< of what all views together say
+  float min_depth = 0.2F;        ///< nearer than this to an earlier camera nothing is judged [m]
+  float max_depth = 5.0F;        ///< beyond, depth is too noisy to judge [m]
+  FreeSpaceMargins<float> margins;
+  /// By how much the time of a depth image may differ from that of its pose [s]: its rows are not taken at
+  /// once (a rolling shutter), and stamps are not good to the millisecond. Half of it where the motion of the
+  /// rows is given. A fifth of a frame at 30 Hz.
+  double depth_time_uncertainty = 1 / 150.0;
+  int max_shift = 4;  ///< of a depth image beside its pose, by that time and the camera's speed [cells]
+};
 
 }  // namespace dynslam
 

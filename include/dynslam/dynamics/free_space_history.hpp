@@ -26,31 +26,6 @@
 
 namespace dynslam {
 
-/// Options of FreeSpaceHistory.
-struct FreeSpaceOptions {
-  /// Ages of the views that the present one is compared with, ascending [s]: near ones follow what was found,
-  /// far ones show slow motion. The remembered view nearest to each is used, once. One that is not older than
-  /// the first only passes its mask on: in so short a time hardly anything moves by more than the noise.
-  std::array<double, 7> lags{1 / 30.0, 4 / 30.0, 8 / 30.0, 0.5, 25 / 30.0, 40 / 30.0, 2.0};
-  double old_lag = 8 / 30.0;    ///< a mover has left its own volume by then: what is still there supports [s]
-  double rest_lag = 25 / 30.0;  ///< what has stayed for so long is at rest, even if it moved before [s]
-  double follow_lag = 4 / 30.0;  ///< the last view, and those up to this age, pass their belief on [s]
-  double memory = 0.7;           ///< time in which a belief without new evidence falls to 1/e of it [s]
-  float prior = -2;              ///< log-odds that a surface moves of which nothing is known
-  float unseen = 0.02F;          ///< confidence in that, beside 1 of a surface that was seen before
-  float violated = 2.5F;         ///< log-likelihood ratio of a surface where the space was free, per view
-  float supported = 0.5F;        ///< and against motion, of one that was there already, per view
-  float bound = 4;               ///< of what all views together say
-  float min_depth = 0.2F;        ///< nearer than this to an earlier camera nothing is judged [m]
-  float max_depth = 5.0F;        ///< beyond, depth is too noisy to judge [m]
-  FreeSpaceMargins<float> margins;
-  /// By how much the time of a depth image may differ from that of its pose [s]: its rows are not taken at
-  /// once (a rolling shutter), and stamps are not good to the millisecond. Half of it where the motion of the
-  /// rows is given. A fifth of a frame at 30 Hz.
-  double depth_time_uncertainty = 1 / 150.0;
-  int max_shift = 4;  ///< of a depth image beside its pose, by that time and the camera's speed [cells]
-};
-
 /// Remembers reduced depth images with their poses and tells which surfaces of a new one lie in space that was seen to be
 /// free (they moved) or were there already (they are static): Eq (6) made dense and signed, over several ages.
 ///
@@ -242,10 +217,10 @@ class FreeSpaceHistory {
     const View& view = views_[index];
     const Ages stands_for = ages_of(index);
     const bool shows_motion = stands_for.least > options_.lags.front();
-      const double old_lag = std::min(options_.old_lag, now_ - views_.back().t);
+    const double old_lag = std::min(options_.old_lag, now_ - views_.back().t);  // a young sequence has nothing older
     const bool is_old = shows_motion && stands_for.most >= old_lag;
     const bool shows_rest = is_old && stands_for.most >= options_.rest_lag;
-    const bool passes_mask_on = index == 0 || stands_for.least <= options_.follow_lag;
+    const bool passes_belief_on = index == 0 || stands_for.least <= options_.follow_lag;
     const auto keeps = static_cast<float>(std::exp(-(now_ - view.t) / options_.memory));
     const SE3<S> T_v_c = view.T_c_w * T_c_w.inverse();
     const float* nearest = view.bounds.nearest.data();
@@ -255,8 +230,7 @@ class FreeSpaceHistory {
       const std::size_t b = c % kBlock;
       if (b == 0) {
         const std::size_t n = std::min(kBlock, cells - c);
-        const auto find = shutter_.moves || view.shutter.moves ? &FreeSpaceHistory::find_cells<true>
-                                                               : &FreeSpaceHistory::find_cells<false>;
+        const auto find = finder(view);
         (this->*find)(grid, depth, T_v_c, shutter_, view.shutter, c, std::span(cell).first(n),
                       std::span(z).first(n));
       }
@@ -274,7 +248,7 @@ class FreeSpaceHistory {
         case DepthEvidence::consistent: {
           // What lies behind a mover's rim is not the mover, though the rim's cell had both depths.
           const bool same = z[b] <= nearest[q] + rim(z[b]);
-          if (passes_mask_on && seen_[c] < 2 && same) {
+          if (passes_belief_on && seen_[c] < 2 && same) {
             belief.data()[c] += (then[q] - options_.prior) * keeps;
             seen_[c] = 2;
           }
@@ -299,8 +273,7 @@ class FreeSpaceHistory {
     std::array<float, kBlock> z;
     if (view.surface.width() != gone.width()) return;
     const SE3<S> T_c_v = T_c_w * view.T_c_w.inverse();
-    const auto find = shutter_.moves || view.shutter.moves ? &FreeSpaceHistory::find_cells<true>
-                                                           : &FreeSpaceHistory::find_cells<false>;
+    const auto find = finder(view);
     for (std::size_t first = 0; first < grid.cells(); first += kBlock) {
       const std::size_t n = std::min(kBlock, grid.cells() - first);
       (this->*find)(grid, view.depth, T_c_v, view.shutter, shutter_, first, std::span(cell).first(n),
@@ -327,6 +300,11 @@ class FreeSpaceHistory {
     return !view.shifted ||
            free_space_evidence(z, view.anywhere.nearest.data()[q], view.anywhere.farthest.data()[q],
                                options_.margins) == DepthEvidence::violation;
+  }
+
+  /// find_cells() of the present frame and a view.
+  [[nodiscard]] auto finder(const View& view) const {
+    return shutter_.moves || view.shutter.moves ? &FreeSpaceHistory::find_cells<true> : &FreeSpaceHistory::find_cells<false>;
   }
 
   /// Where a view had the surfaces of the cells first, first + 1, ...: cell (-1: outside) and depth [m].

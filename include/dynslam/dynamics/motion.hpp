@@ -44,8 +44,8 @@ struct Motion {
   bool epipolar_used = false;
   int dynamic_matches = 0;
   StaticWeightScales<S> scales{};
-  int seeds = 0;           ///< cells that started the growing
-  int regions_leaked = 0;  ///< dropped by the guard
+  int seeds = 0;           ///< dynamic cells; with Method::paper those that started the growing
+  int regions_leaked = 0;  ///< dropped by the guard of Method::paper
   [[nodiscard]] bool ok() const { return status == MotionStatus::ok; }
   /// Says of no pixel that it moves or rests.
   const Motion& refuse(MotionStatus why) {

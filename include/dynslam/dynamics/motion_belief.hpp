@@ -24,7 +24,6 @@
 #include "dynslam/image/depth.hpp"
 #include "dynslam/image/image.hpp"
 #include "dynslam/segment/connectivity.hpp"
-#include "dynslam/segment/growing_criteria.hpp"
 #include "dynslam/segment/mask.hpp"
 
 namespace dynslam {
@@ -129,8 +128,7 @@ class MotionBelief {
 
  private:
   std::span<const SurfaceOutline> find_surfaces(const Image<float>& depth) {
-    const RelativeStep<float> step{options_.pooling.step_base, options_.pooling.step_quad};
-    return watch_outlines(depth, evidence_, step, options_.free_space.margins, options_.outlines, outlines_);
+    return watch_outlines(depth, evidence_, options_.pooling.step, options_.free_space.margins, options_.outlines, outlines_);
   }
 
   /// Adds keypoints to the cells around them, and counts those of each surface.

@@ -93,14 +93,15 @@ class ConfigReader {
  private:
   [[noreturn]] void fail(const std::string& reason) const { throw InputError(file_, number_, reason); }
 
+  void note_removed(const std::string& what, std::string_view reason) {
+    notes_.push_back(fmt::format("{}:{}: {} has no effect any more: {}", file_, number_, what, reason));
+  }
+
   void begin(std::string name) {
     if (name.empty()) fail("expected [table]");
     const auto removed = std::ranges::find(kRemovedTables, std::string_view(name), &RemovedField::name);
     removed_ = removed != kRemovedTables.end();
-    if (removed_) {
-      notes_.push_back(fmt::format("{}:{}: [{}] has no effect any more: {}", file_, number_, name, removed->reason));
-      return;
-    }
+    if (removed_) return note_removed('[' + name + ']', removed->reason);
     const auto has = [&](const std::vector<std::string>& names) {
       return std::find(names.begin(), names.end(), name) != names.end();
     };
@@ -127,11 +128,7 @@ class ConfigReader {
     if (field == fields_.end()) {
       const auto removed = std::find_if(kRemoved.begin(), kRemoved.end(),
                                         [&](const RemovedField& one) { return one.name == name; });
-      if (removed != kRemoved.end()) {
-        notes_.push_back(
-            fmt::format("{}:{}: {} has no effect any more: {}", file_, number_, name, removed->reason));
-        return;
-      }
+      if (removed != kRemoved.end()) return note_removed(name, removed->reason);
       const auto dot = name.rfind('.');
       const std::string table = name.substr(0, dot), key = name.substr(dot + 1);
       fail(fmt::format("unknown key '{}' in [{}]{}", key, table, hint(nearest_key(fields_, table, key))));

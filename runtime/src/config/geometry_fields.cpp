@@ -84,11 +84,16 @@ void list(FieldList& f, KeypointRegionOptions& o) {
     kShare);
 }
 
+void list(FieldList& f, RelativeStep<float>& o) {
+  f("base", o.base, "m", "step in depth between neighbouring cells of one surface: constant part",
+    kNotNegative);
+  f("quad", o.quad, "1/m", "growth of that with the square of the depth", kNotNegative);
+}
+
 void list(FieldList& f, PoolingOptions& o) {
   f("coupling", o.coupling, "", "weight of a neighbour on the same surface", kNotNegative);
-  f("step_base", o.step_base, "m", "step in depth between neighbouring cells of one surface: constant part", kNotNegative);
-  f("step_quad", o.step_quad, "1/m", "growth of that with the square of the depth", kNotNegative);
   f("sweeps", o.sweeps, "", "over rows and columns", kCount);
+  f.table("step", o.step);
 }
 
 void list(FieldList& f, DepthGridOptions& o) {
@@ -115,7 +120,7 @@ void list(FieldList& f, FreeSpaceOptions& o) {
   f("old_lag", o.old_lag, "s", "time after which a mover has left its own volume", between(1e-4, 60));
   f("rest_lag", o.rest_lag, "s", "time after which what has stayed is at rest, even if it moved before",
     between(1e-4, 60));
-  f("follow_lag", o.follow_lag, "s", "age up to which views, besides the last one, pass their masks on",
+  f("follow_lag", o.follow_lag, "s", "age up to which views, besides the last one, pass their beliefs on",
     between(0, 60));
   f("memory", o.memory, "s", "time in which a belief without new evidence falls to 1/e", between(0.001, 60));
   f("prior", o.prior, "", "log-odds that a surface moves of which nothing is known", between(-10, 0));
@@ -129,12 +134,6 @@ void list(FieldList& f, FreeSpaceOptions& o) {
     "difference that there may be between the time of a depth image and that of its pose", between(0, 1));
   f("max_shift", o.max_shift, "cells", "greatest shift of a depth image beside its pose", between(0, 100));
   f.table("margins", o.margins);
-}
-
-void list(FieldList& f, RelativeStep<float>& o) {
-  f("base", o.base, "m", "step in depth between neighbouring cells of one surface: constant part",
-    kNotNegative);
-  f("quad", o.quad, "1/m", "growth of that with the square of the depth", kNotNegative);
 }
 
 void list(FieldList& f, MaskGrowingOptions& o) {

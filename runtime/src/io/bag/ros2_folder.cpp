@@ -35,7 +35,7 @@ std::string_view unquoted(std::string_view text) {
   return quoted ? text.substr(1, text.size() - 2) : text;
 }
 
-/// What stands in `relative_file_paths:` of metadata.yaml, an item a line.
+/// The list `relative_file_paths:` of metadata.yaml, an item a line.
 std::vector<std::string> listed_files(const std::string& metadata) {
   std::istringstream in(metadata);
   std::vector<std::string> files;
