@@ -22,11 +22,13 @@ WIDEN_PX = 15
 
 class Sequence:
     """name: of the tables' rows. truth: a folder of true masks, or None where nothing moves (or nothing is known).
-    people: truth is a network's masks, so that recall and spill mean people, IoU nothing."""
+    people: truth is a network's masks, so that recall and spill mean people, IoU nothing.
+    truth_labels: what the values of the true masks mean, where they do not say so themselves."""
 
     def __init__(self, name, path, truth=None, still=False, people=False, model=None):
         self.name, self.path, self.truth, self.still = name, pathlib.Path(path), truth, still
         self.people, self.model = people, model
+        self.truth_labels = None
 
     @property
     def key(self):
@@ -79,7 +81,7 @@ def recorded():
         if kind == "dynamic_mask":
             sequence.truth = path / "dynamic_mask"
         elif kind == "person_masks":
-            sequence.truth = DATA / "compose/person_masks"
+            sequence.truth, sequence.truth_labels = DATA / "compose/person_masks", "instances"
         elif kind == "people":
             sequence.truth = people_of(sequence)
         found.append(sequence)
@@ -200,6 +202,8 @@ def figures(sequence, folder):
         command = [PROGRAM, "eval-masks", masks]
         if not sequence.still and sequence.truth:
             command += [sequence.truth, "--widen", WIDEN_PX]
+            if sequence.truth_labels:
+                command += ["--truth-labels", sequence.truth_labels]
         done = subprocess.run([str(c) for c in command] + ["--json"], text=True, capture_output=True)
         if done.returncode == 0:
             found = json.loads(done.stdout)

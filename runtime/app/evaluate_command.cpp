@@ -33,7 +33,7 @@ struct EvaluateCommand::Options {
   std::filesystem::path estimate, groundtruth, predicted, truth;
   runtime::MaskFaultOptions fault;
   runtime::EvaluationOptions evaluation;
-  runtime::MaskOptions reading_masks;
+  runtime::MaskOptions reading_masks, reading_truth;
   int widen = 0;
   bool json = false;
 };
@@ -85,14 +85,18 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
                    "Pixels by which the truth is widened before what lies beyond it counts as spill")
       ->capture_default_str()
       ->check(whole_in(0, 1000));
-  o.masks
-      ->add_option("--mask-labels", o.reading_masks.labels,
-                   "What the values of the predicted masks mean, as for run: voc, coco, cityscapes, "
-                   "instances, binary, or "
-                   "15=person,...")
-      ->delimiter(',')
-      ->allow_extra_args(false)
-      ->type_name("WORDS");
+  const auto add_labels = [&](const char* name, std::vector<std::string>& labels, const char* whose) {
+    o.masks
+        ->add_option(name, labels,
+                     fmt::format("What the values of the {} masks mean, as for run: voc, coco, cityscapes, "
+                                 "instances, binary, or 15=person,...",
+                                 whose))
+        ->delimiter(',')
+        ->allow_extra_args(false)
+        ->type_name("WORDS");
+  };
+  add_labels("--mask-labels", o.reading_masks.labels, "predicted");
+  add_labels("--truth-labels", o.reading_truth.labels, "true");
   o.masks->add_flag("--json", o.json, "Print JSON");
   o.faults = app.add_subcommand("mask-faults", "Write wrong masks for a sequence, to see what they cost");
   o.faults->add_option("sequence", o.fault.sequence, "Folder of a sequence with ground truth, or its bag")
@@ -123,7 +127,8 @@ int EvaluateCommand::run() const {
   if (*o.trajectory)
     return print(runtime::evaluate_trajectory(o.estimate, o.groundtruth, o.evaluation), o.json);
   if (*o.masks && o.truth.empty()) return print(runtime::mask_shares(o.predicted, o.reading_masks), o.json);
-  if (*o.masks) return print(runtime::evaluate_masks(o.predicted, o.truth, o.widen, o.reading_masks), o.json);
+  if (*o.masks) return print(runtime::evaluate_masks(o.predicted, o.truth, o.widen, o.reading_masks, o.reading_truth),
+                                o.json);
   ProgressLine line;
   runtime::write_mask_faults(o.fault, [&](std::size_t done, std::size_t total) {
     line.show(fmt::format("{}/{} masks", done, total));

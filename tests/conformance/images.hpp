@@ -37,10 +37,8 @@
 #include "dynslam/segment/depth_lanes.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
 #include "dynslam/segment/growing_field.hpp"
-#include "dynslam/segment/leading_edge.hpp"
 #include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/mask_completion.hpp"
-#include "dynslam/segment/mask_delay.hpp"
 #include "dynslam/segment/mask_growing.hpp"
 #include "dynslam/segment/mask_upsampling.hpp"
 #include "dynslam/segment/pixel_runs.hpp"
@@ -117,36 +115,6 @@ void masks_of(const ImageSet<S>& set, Record<double>& out) {
           connected_components(Kind::in(result), Connectivity::four, Kind::out(labels), counts));
   put_image(out, "labels", Kind::in(labels));
   out.put("same_size", same_size(Kind::in(in), Kind::in(result)));
-}
-
-template <class Kind>
-void delay_of(Record<double>& out) {
-  Rng random("cover_delay");
-  Image<std::uint8_t> texture(kWidth, kHeight), moved(kWidth, kHeight), body(kWidth, kHeight, 0);
-  for (int v = 0; v < kHeight; ++v) {
-    for (int u = 0; u < kWidth; ++u) {
-      texture(u, v) = static_cast<std::uint8_t>(random.integer(0, 255));
-      moved(u, v) = texture(u >= 4 ? u - 4 : u, v);
-      body(u, v) = u > 20 && u < 50 && v > 20 && v < 40 ? 255 : 0;
-    }
-  }
-  HalvingPyramid<std::uint8_t> last, present;
-  last.build(texture, 2);
-  present.build(moved, 2);
-  auto mask = Kind::make(body), covering = Kind::make(body);
-  MaskDelayWorkspace workspace;
-  out.put("cover_delay", cover_delay(last, present, Kind::in(mask), Image<std::uint8_t>(), 0.5, {},
-                                     Kind::out(covering), workspace));
-  put_image(out, "cover_delay.covering", Kind::in(covering));
-  auto ahead = Kind::make(Image<std::uint8_t>(kWidth, kHeight, 0));
-  LeadingEdgeWorkspace edge;
-  const PixelRun runs[] = {{24, 24, 44}, {26, 24, 44}, {28, 24, 44}};
-  const auto stands = [](int u, int v) { return std::optional(Eigen::Vector2d(u, v)); };
-  const auto added =
-      cover_leading_edge(last, present, std::span(runs), Kind::in(ahead), Eigen::Vector2d(4, 0), stands,
-                         {.enough = 1, .least = 1}, Kind::out(ahead), edge);
-  out.put("cover_leading_edge", added.value_or(-1));
-  put_image(out, "cover_leading_edge.covering", Kind::in(ahead));
 }
 
 template <class Kind, std::floating_point S>
@@ -291,7 +259,6 @@ template <class Kind, std::floating_point S>
   Record<double> out;
   conformance::masks_of<Kind>(set, out);
   conformance::growing_of<Kind>(set, out);
-  conformance::delay_of<Kind>(out);
   conformance::cells_of<Kind>(set, out);
   conformance::features_of<Kind>(set, out);
   return out;

@@ -200,7 +200,7 @@ TEST_CASE_TEMPLATE("depth images taken beside the grey ones make no movers, wher
       grey.render(scene, at(k));
       depth.render(scene, at(k + delay));
       const SE3<S> T_c_w = at(k).inverse().template cast<S>();
-      if (told) segmenter.set_depth_delay(delay / 30, (at(k + delay).inverse() * at(k)).template cast<S>());
+      if (told) segmenter.set_depth_motion((at(k + delay).inverse() * at(k)).template cast<S>());
       const auto& motion = segmenter.segment(grey.gray.view(), depth.depth.view(), k / 30.0, T_c_w);
       mean += share(motion.mask) / 40;
       segmenter.remember(T_c_w, motion.mask.view());
@@ -212,56 +212,6 @@ TEST_CASE_TEMPLATE("depth images taken beside the grey ones make no movers, wher
   CAPTURE(blind);
   CHECK(blind > 0.01);
   CHECK(told < 0.5 * blind);
-}
-
-TEST_CASE_TEMPLATE("a mover is covered where the grey image has it, though depth was taken earlier or later",
-                   S, float, double) {
-  const Pinhole<S> camera(S(200), S(200), S(119.5), S(89.5));
-  const auto pose = [](double frame) {
-    return SE3<double>(SO3<double>(), Eigen::Vector3d(0.05 * std::sin(0.2 * frame), 0, 0));
-  };
-  const auto recalls = [&](double delay, bool told) {  // of Motion::mask and of Motion::covering
-    MotionSegmenter<S, Pinhole<S>> segmenter(camera);
-    SceneRenderer<Pinhole<S>> grey(camera, kWidth, kHeight), depth(camera, kWidth, kHeight);
-    MovingScene scene;
-    Eigen::Vector2d result(0, 0);
-    int lost = 0;
-    constexpr int kFrames = 30, kLast = 8;
-    for (int k = 0; k < kFrames; ++k) {
-      const auto at = [&](double frame) { return -0.55 + 0.07 * std::max(0.0, frame - 12); };
-      const SE3<double> T_w_c = pose(k), T_w_depth = pose(k + delay);
-      scene.board.x() = at(k);
-      grey.render(scene, T_w_c);
-      scene.board.x() = at(k + delay);
-      depth.render(scene, T_w_depth);
-      const SE3<S> T_c_w = T_w_c.inverse().template cast<S>();
-      segmenter.set_depth_delay(told ? delay / 30 : 0, (T_w_depth.inverse() * T_w_c).template cast<S>());
-      const auto& motion = segmenter.segment(grey.gray.view(), depth.depth.view(), k / 30.0, T_c_w);
-      int true_pixels = 0;
-      Eigen::Vector2i found(0, 0);
-      for (int v = 0; v < kHeight; ++v) {
-        for (int u = 0; u < kWidth; ++u) {
-          lost += motion.mask(u, v) != 0 && motion.covering(u, v) == 0 ? 1 : 0;
-          if (grey.moving(u, v) == 0) continue;
-          ++true_pixels;
-          found += Eigen::Vector2i(motion.mask(u, v) != 0 ? 1 : 0, motion.covering(u, v) != 0 ? 1 : 0);
-        }
-      }
-      if (k >= kFrames - kLast) result += found.cast<double>() / (true_pixels * kLast);
-      segmenter.remember(T_c_w, motion.mask);
-    }
-    CHECK(lost == 0);
-    return result;
-  };
-  for (const double delay : {-0.6, 0.6}) {
-    CAPTURE(delay);
-    const Eigen::Vector2d told = recalls(delay, true), untold = recalls(delay, false);
-    CHECK(told.x() < 0.96);
-    CHECK(told.y() > told.x() + 0.02);
-    CHECK(1 - told.y() < 0.5 * (1 - told.x()));
-    CHECK(untold.x() == untold.y());
-    CHECK(untold.x() == told.x());  // what is remembered is the depth image's
-  }
 }
 
 TEST_CASE_TEMPLATE("a board that slides in its plane from the first frame on is found whole", S, float,

@@ -278,6 +278,19 @@ TEST_CASE("a stream may be dropped while its queue is full") {
   CHECK(stream.next());
 }
 
+TEST_CASE("true masks that number instances are read as what their labels say") {
+  const test::TemporaryFolder truth, predicted;
+  cv::Mat two = cv::Mat::zeros(10, 10, CV_8UC1);
+  two(cv::Rect(0, 0, 10, 2)) = 1;
+  two(cv::Rect(0, 4, 10, 2)) = 2;  // by itself the label of chairs
+  write_image(truth.path / "1.png", two);
+  write_image(predicted.path / "1.png", two > 0);
+  CHECK(evaluate_masks(predicted.path, truth.path).iou == doctest::Approx(0.5));
+  MaskOptions instances;
+  instances.labels = {"instances"};
+  CHECK(evaluate_masks(predicted.path, truth.path, 0, {}, instances).iou == 1);
+}
+
 TEST_CASE("mask figures by hand; missing predictions count as empty") {
   const test::TemporaryFolder truth, predicted;
   cv::Mat a = cv::Mat::zeros(10, 10, CV_8UC1), b = a.clone();

@@ -35,7 +35,6 @@ template <std::floating_point S>
 struct Motion {
   MotionStatus status = MotionStatus::ok;
   Image<std::uint8_t> mask;             ///< 255 where something moves in the depth image, at its size
-  Image<std::uint8_t> covering;         ///< 255 there, and where the grey image has it: cover_delay()
   Image<std::uint8_t> verified;         ///< cells whose surface was in the same place long before
   std::vector<JudgedMatch<S>> matches;  ///< mismatches left out; empty where too few were found
   // How it came about.
@@ -51,7 +50,6 @@ struct Motion {
   const Motion& refuse(MotionStatus why) {
     status = why;
     mask.fill(0);
-    covering = mask;
     verified.fill(0);
     matches.clear();
     tracked = mismatches = dynamic_matches = seeds = regions_leaked = 0;

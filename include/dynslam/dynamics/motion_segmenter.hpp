@@ -34,7 +34,6 @@
 #include "dynslam/image/image_view.hpp"
 #include "dynslam/image/pyramid.hpp"
 #include "dynslam/segment/mask_completion.hpp"
-#include "dynslam/segment/mask_delay.hpp"
 #include "dynslam/segment/mask_growing.hpp"
 #include "dynslam/segment/mask_upsampling.hpp"
 
@@ -64,14 +63,9 @@ class MotionSegmenter {
 
   [[nodiscard]] const Options& options() const { return options_; }
 
-  /// The camera's motion from the next frame's grey image to its depth image, where they are not taken at
-  /// once: in a fast turn, 20 ms make the whole room stand elsewhere. Nullopt: at once, or nobody knows.
-  /// @param seconds  by which the depth image is the later one; 0: none, or nobody knows. See
-  /// Motion::covering
-  void set_depth_delay(double seconds, const std::optional<SE3<S>>& T_depth_c) {
-    T_depth_c_ = T_depth_c;
-    depth_delay_ = seconds;
-  }
+  /// The camera's motion from the next frame's grey image to its depth image, where they are not taken at once: in a fast
+  /// turn, 20 ms make the whole room stand elsewhere. Nullopt: at once, or nobody knows.
+  void set_depth_motion(const std::optional<SE3<S>>& T_depth_c) { T_depth_c_ = T_depth_c; }
 
   /// How the camera moves while the next frame's rows are read, colour and depth; poses are the middle row's.
   void set_rolling_shutter(const RollingShutter<S>& shutter) { shutter_ = shutter; }
@@ -109,15 +103,12 @@ class MotionSegmenter {
     motion_.verified = belief_.evidence().rested;
     on_stage(MotionStage::free_space);
     upsample_mask(cell_mask_.view(), depth_, depth, grid_, motion_.mask.view(), zone_);
-    const bool add = options_.method == Method::full && motion_.seeds > 0;
-    if (add)
+    if (options_.method == Method::full && motion_.seeds > 0)
       complete_unmeasured(pyramid_.image(0), depth, motion_.mask.view(), options_.unmeasured, unmeasured_);
-    motion_.covering = motion_.mask;
-    if (add && last_) {
-      const SE3<S> T_last_c = last_->T_c_w * T_c_w.inverse();
-      cover_delay(last_pyramid_, pyramid_, motion_.mask, prior, depth_delay_ / (t - last_->t), options_.delay,
-                  motion_.covering.view(), delay_,
-                  [&](int u, int v) { return in_last_image(u, v, depth, T_last_c); });
+    const int margin = static_cast<int>(std::lround(options_.margin * depth.width()));
+    if (options_.method == Method::full && motion_.seeds > 0 && margin > 0) {
+      std::swap(motion_.mask, found_);
+      dilate(found_.view(), motion_.mask.view(), margin, morphology_);
     }
     segmented_ = true;
     on_stage(MotionStage::growing);
@@ -250,6 +241,7 @@ class MotionSegmenter {
       grid_ = DepthGrid(camera_, w, h, options_.grid);
       cell_mask_.resize(grid_.width(), grid_.height());
       motion_.mask.resize(w, h);
+      found_.resize(w, h);
     }
     return w == grid_.image_width() && h == grid_.image_height();
   }
@@ -271,21 +263,9 @@ class MotionSegmenter {
     motion_.scales = result.scales;
     for (std::size_t k = 0; k < matches_.size(); ++k) {
       if (result.mismatch[k] != 0 || result.invalid[k] != 0) continue;
+      if (options_.method == Method::full) reference_.mark(k, result.dynamic[k] != 0);
       motion_.matches.push_back({matches_[k].x, matches_[k].x_m, result.weight[k], result.dynamic[k] != 0});
     }
-  }
-
-  /// Where the last image has what of the room is at a pixel of this one.
-  template <class D>
-  [[nodiscard]] std::optional<Eigen::Vector2d> in_last_image(int u, int v, const D& depth,
-                                                             const SE3<S>& T_last_c) const {
-    const auto z = static_cast<S>(depth(u, v));
-    if (!is_valid_depth(z)) return std::nullopt;
-    const auto p = rolling().unproject(Vector2(S(u), S(v)), z);
-    if (!p) return std::nullopt;
-    const auto x = RollingCamera<Camera>(camera_, last_->shutter).project(T_last_c * *p);
-    if (!x) return std::nullopt;
-    return x->template cast<double>();
   }
 
   [[nodiscard]] RollingCamera<Camera> rolling() const { return {camera_, shutter_}; }
@@ -317,8 +297,7 @@ class MotionSegmenter {
   DepthGrid grid_;
   HalvingPyramid<std::uint8_t> pyramid_, last_pyramid_;  // of the frames last segmented and last remembered,
   bool remembered_ = false;                              // which may be the same
-  std::optional<SE3<S>> T_depth_c_;  // of the next frame: where and how much later depth is taken
-  double depth_delay_ = 0;           // [s]
+  std::optional<SE3<S>> T_depth_c_;  // of the next frame: where depth is taken
   RollingShutter<S> shutter_;        // and how the camera moves meanwhile
   double t_ = 0;                     // of the frame last segmented [s]
   bool segmented_ = false;           // and not yet remembered
@@ -333,7 +312,8 @@ class MotionSegmenter {
   Image<std::uint8_t> smooth_, cell_mask_, zone_;  // of the cells
   KeypointRegions<S> regions_;
   UnmeasuredWorkspace unmeasured_;
-  MaskDelayWorkspace delay_;
+  MaskWorkspace morphology_;
+  Image<std::uint8_t> found_;  // the mask without its margin
   CornerWorkspace corner_workspace_;
   std::vector<Eigen::Vector2i> corners_;
   std::vector<ReferenceKeypoint<S>> keypoints_;

@@ -14,7 +14,6 @@
 #include "dynslam/dynamics/static_weights.hpp"
 #include "dynslam/features/corners.hpp"
 #include "dynslam/segment/mask_completion.hpp"
-#include "dynslam/segment/mask_delay.hpp"
 #include "dynslam/segment/mask_growing.hpp"
 
 namespace dynslam {
@@ -40,7 +39,9 @@ struct MotionSegmenterOptions {
   KeypointRegionOptions regions;  ///< Method::paper
   MaskGrowingOptions growing;     ///< Method::paper
   UnmeasuredOptions unmeasured;
-  MaskDelayOptions delay;
+  /// By which the mask is widened, as a share of the image's width: a silhouette is known to a pixel or two only, and the
+  /// grey image is taken some milliseconds before or after the depth image.
+  double margin = 1 / 500.0;
 };
 
 }  // namespace dynslam

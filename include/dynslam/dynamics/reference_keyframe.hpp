@@ -99,13 +99,15 @@ class ReferenceKeyframe {
   void track(const C& camera, const Pyramid& present, const SE3<S>& T_c_w, const M& prior,
              const ReferenceOptions& options, std::vector<KeypointMatch<S>>& matches) {
     matches.clear();
+    matched_.clear();
     in_view_ = 0;
     if (points_.empty()) return;
     const SE3<S> T_cur_ref = T_c_w * T_c_w_.inverse();
     const Eigen::Matrix<S, 3, 3> R = T_cur_ref.rotation_matrix();
     const S border = S(options.border_px);
     const S right = S(present.image(0).width()) - border, bottom = S(present.image(0).height()) - border;
-    for (Point& point : points_) {
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      Point& point = points_[i];
       const Vector3 p_c = T_cur_ref * point.p_ref;
       const auto x = camera.project(p_c);
       if (!x || !(x->x() >= border && x->y() >= border && x->x() < right && x->y() < bottom)) continue;
@@ -117,16 +119,22 @@ class ReferenceKeyframe {
       const int u = static_cast<int>(std::lround(found->x())), v = static_cast<int>(std::lround(found->y()));
       const bool inside = u >= 0 && v >= 0 && u < present.image(0).width() && v < present.image(0).height();
       const bool masked = point.masked || (inside && prior.width() > 0 && prior(u, v) != 0);
-      if (inside) matches.push_back({point.x, point.p_ref, *found, masked});
+      if (!inside) continue;
+      matches.push_back({point.x, point.p_ref, *found, masked});
+      matched_.push_back(i);
     }
   }
+
+  /// Whether match k of the last track() was found to move: if so, its matches are marked from then on, until they are
+  /// found at rest. What has most of the keypoints would be the measure of what is static.
+  void mark(std::size_t k, bool moves) { points_[matched_[k]].masked = moves; }
 
  private:
   struct Point {
     Vector2 x;      // recorded pixel
     Vector3 p_ref;  // in its camera's frame [m]
     PointPatch patch;
-    bool masked = false;               // when it was taken
+    bool masked = false;               // when it was taken or last judged
     Vector2 offset = Vector2::Zero();  // from the expected place, when it was searched and found last
     int pause = 0;                     // frames for which it is not searched
   };
@@ -160,7 +168,7 @@ class ReferenceKeyframe {
   Pyramid pyramid_;
   SE3<S> T_c_w_;
   std::vector<Point> points_;
-  std::vector<std::size_t> usable_;
+  std::vector<std::size_t> usable_, matched_;  // keypoints; points of the matches
   std::size_t in_view_ = 0;
 };
 

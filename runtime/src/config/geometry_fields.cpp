@@ -151,36 +151,6 @@ void list(FieldList& f, UnmeasuredOptions& o) {
   f("contrast", o.contrast, "grey levels", "edge that costs as much as the whole reach", kPositive);
 }
 
-void list(FieldList& f, LeadingEdgeOptions& o) {
-  f("reach", o.reach, "",
-    "how far ahead of a mover is looked, as a share of its motion since the last frame; 0: nowhere",
-    kNotNegative);
-  f("margin", o.margin, "grey levels", "by which a pixel has to look more like the mover than like the room",
-    kNotNegative);
-  f("most", o.most, "grey levels", "that one pixel counts for at most", kPositive);
-  f("enough", o.enough, "grey levels", "per line that goes ahead, of those asked together, that do tell",
-    kNotNegative);
-  f("together", o.together, "", "how far along the edge pixels are asked together, as a share of the width",
-    kShare);
-  f("least", o.least, "pixels", "that have to tell", kCount);
-}
-
-void list(FieldList& f, MaskDelayOptions& o) {
-  f("reach", o.reach, "", "greatest motion from frame to frame, as a share of the width; 0: none is sought",
-    kShare);
-  f("least", o.least, "", "width of the smallest square whose motion is sought, as a share of the width",
-    kShare);
-  f("samples", o.samples, "pixels", "of a body that are compared", kCount);
-  f("candidates", o.candidates, "", "places that are looked at closely", kCount);
-  f("distinct", o.distinct, "", "share of the next best place's difference that the best one may have",
-    kShare);
-  f("piece", o.piece, "", "greatest width of what is taken to move as a whole, as a share of the width",
-    kShare);
-  f("spread", o.spread, "",
-    "by how much a piece's motion may be another than the whole's, as a share of the width", kShare);
-  f.table("edge", o.edge);
-}
-
 void list(FieldList& f, MovedOutlineOptions& o) {
   f("foreground", o.foreground, "",
     "share of a surface's outline beside which something farther is seen from which on it is in the "
@@ -224,7 +194,7 @@ void list(FieldList& f, MotionSegmenterOptions<double>& o) {
   f.table("regions", o.regions);
   f.table("growing", o.growing);
   f.table("unmeasured", o.unmeasured);
-  f.table("delay", o.delay);
+  f("margin", o.margin, "", "by which the mask is widened, as a share of the image's width", kShare);
 }
 
 }  // namespace dynslam::runtime::config

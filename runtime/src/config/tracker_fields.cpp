@@ -27,10 +27,6 @@ void list(FieldList& f, TrackerOptions& o) {
   f("semantic_dilation", o.semantic_dilation, "px", "margin added around a-priori masks", between(0, 500));
   f("feature_margin", o.feature_margin, "px", "margin around the fused mask in which features are not used",
     between(0, 500));
-  f("vanished_piece", o.vanished_piece, "",
-    "width of a piece of the last frame's mask that is gone, as a share of the image's, in which no points "
-    "are made",
-    kShare);
   f("behind_mover", o.behind_mover, "",
     "share of its distance by which a point of the map may lie behind a mover's surface to be doubted",
     kShare);
@@ -131,8 +127,6 @@ void list(FieldList& f, PoseSearchOptions& o) {
     "of a map, in which the pose is compared with the motion of what lies behind; 0: never", kCount);
   f("foreground_share", o.foreground_share, "",
     "of a pose's matches that lies on what stands before the room, up to which it is not compared", kShare);
-  f("behind", o.behind, "", "times as well, by squared error, its own motion has to fit what lies behind",
-    from(1));
 }
 
 void list(FieldList& f, ImageAlignmentOptions<double>& o) {

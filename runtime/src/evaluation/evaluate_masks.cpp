@@ -59,10 +59,10 @@ cv::Mat dynamic_of(MaskSource& source, const std::string& name, cv::Size size) {
 }  // namespace
 
 MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth, int widen,
-                          const MaskOptions& options) {
+                          const MaskOptions& options, const MaskOptions& truth_options) {
   if (!fs::is_directory(predicted)) throw InputError(predicted.string(), 0, "is not a folder");
   const std::vector<std::string> names = mask_names(truth);
-  MaskSource found_masks(predicted, options), true_masks(truth);
+  MaskSource found_masks(predicted, options), true_masks(truth, truth_options);
   MaskReport report;
   std::size_t both = 0, either = 0, in_truth = 0, in_prediction = 0;
   std::vector<double> spill;

@@ -104,7 +104,6 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
     find_movers(now);
     pose_without_movers(now);
     doubt_points_on_movers(now);
-    doubt_recent_movers(now);
   }
   revise_last(now);
   end_last_keyframe();
@@ -120,8 +119,6 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.result.T_c_reference = now.frame.T_c_w * map_.pose(map_.newest()).inverse();
   recover(now);
   remember_last(now);
-  // At last: what is remembered is the depth image's.
-  if (!now.covering.empty()) now.result.dynamic_mask |= now.covering;
   now.done(Stage::keyframe);
   return now.finish();
 }

@@ -122,14 +122,14 @@ void Tracker::look_behind(Present& now) {
   const bool proven = prove_on_local_map(now, options_.search.min_inliers);
   now.left_out.release();
   pose_.gather(map_, now.frame);
-  const double chi2 = options_.search.local_chi2;
-  if (proven &&
-      pose_.mean_chi2(before.T_c_w, chi2) > options_.search.behind * pose_.mean_chi2(now.T_c_w, chi2)) {
+  const double outlier = options_.search.local_chi2;
+  if (proven && pose_.mean_chi2(before.T_c_w, outlier) > outlier / 2) {  // most of what lies behind is not there
     flags.resize(now.frame.features.size(), 0);
     for (std::size_t i = 0; i < flags.size(); ++i) {
       if (now.frame.dynamic[i] != flags[i]) now.frame.point[i] = -1;
     }
     now.frame.dynamic = std::move(flags);
+    now.foreground = foreground;
     return;
   }
   take_back(now, before);
@@ -139,13 +139,16 @@ void Tracker::find_movers(Present& now) {
   TrackResult& result = now.result;
   if (geometry_.has_reference()) geometry_.place_reference(T_reference_keyframe_ * map_.pose(reference_id_));
   const SE3<double> T_c_last = now.T_c_w * last_.T_c_w.inverse();
-  geometry_.set_depth_delay(depth_delay(now.input), depth_motion(now.input, T_c_last));
+  geometry_.set_depth_motion(depth_motion(now.input, T_c_last));
   geometry_.set_rolling_shutter(matcher_.placer().rolling_shutter());
+  // What has most of the keypoints would be the measure of what is static.
+  cv::Mat suspected = now.semantic;
+  if (!now.foreground.empty()) suspected = suspected.empty() ? now.foreground : suspected | now.foreground;
   constexpr std::array kStages{Stage::lucas_kanade, Stage::residuals, Stage::free_space, Stage::growing};
   Stopwatch watch;
   const auto& motion = geometry_.segment(
       interop::view<const std::uint8_t>(now.input.gray), now.depth, now.input.t, now.T_c_w,
-      interop::view<const std::uint8_t>(std::as_const(now.semantic)),
+      interop::view<const std::uint8_t>(std::as_const(suspected)),
       [&](MotionStage s) { result.times[kStages[static_cast<std::size_t>(s)]] = watch.lap_ms(); });
   const auto wrapped = [&](const Image<std::uint8_t>& mask) {  // OpenCV has no read-only matrices
     return cv::Mat(now.input.gray.size(), CV_8UC1, const_cast<std::uint8_t*>(mask.data()));
@@ -153,7 +156,6 @@ void Tracker::find_movers(Present& now) {
   now.moving = wrapped(motion.mask);
   now.moving_widened =
       cv::countNonZero(now.moving) > 0 ? widened(now.moving, options_.feature_margin) : now.moving;
-  now.covering = wrapped(motion.covering);
   if (now.prior != nullptr && options_.method == Method::full) {
     give_back_resting(now);
     find_standing(now);
@@ -219,11 +221,9 @@ void Tracker::pose_without_movers(Present& now) {
     now.result.covariance = fused.pose.covariance;
     take_turn(now, fused.pose.turn);
   }
-  if (fused.mask < masks.size()) {
-    cv::bitwise_or(now.result.dynamic_mask, now.moving, now.result.dynamic_mask);
-    return;
-  }
-  now.covering.release();
+  // Matches on a mask may serve the pose, and what it shows move all the same.
+  cv::bitwise_or(now.result.dynamic_mask, now.moving, now.result.dynamic_mask);
+  if (fused.mask < masks.size()) return;
   for (std::size_t i = 0; i < frame.dynamic.size(); ++i) {  // what nothing speaks for makes no points
     const Feature& f = frame.features[i];
     frame.dynamic[i] = masks[0][i] != 0 && frame.point[i] < 0 && !geometry_.verified_static(f.u, f.v) ? 1 : 0;
@@ -242,24 +242,6 @@ void Tracker::doubt_points_on_movers(Present& now) {
     const double there = static_cast<double>(now.depth(u, v));
     if (is_valid_depth(there) && z <= there * (1 + options_.behind_mover)) ++map_.point(id).on_mover;
   });
-}
-
-/// A mask may break down for a frame. A keyframe of just then would take the mover for the room, as points
-/// and as reference, and the mask would not come back: where a whole piece of the last frame's mask is gone,
-/// it makes neither. What a mover uncovers along its rim is the room, and welcome.
-void Tracker::doubt_recent_movers(Present& now) {
-  Frame& frame = now.frame;
-  if (options_.method == Method::full && !last_moving_.empty()) {
-    const cv::Mat gone = vanished_pieces(last_moving_, now.moving, options_.vanished_piece);
-    if (!gone.empty()) {
-      recent_flags_.assign(frame.features.size(), 0);
-      flag(frame, last_moving_, recent_flags_);
-      for (std::size_t i = 0; i < recent_flags_.size(); ++i) {
-        if (recent_flags_[i] != 0 && frame.point[i] < 0) frame.dynamic[i] = 1;
-      }
-    }
-  }
-  now.moving.copyTo(last_moving_);
 }
 
 }  // namespace dynslam::runtime

@@ -102,6 +102,7 @@ void Tracker::remember_last(Present& now) {
   last_shutter_ = matcher_.placer().rolling_shutter();
   last_ns_ = now.input.ns;
   last_reference_ = map_.newest();
+  now.moving.copyTo(last_moving_);
   if (additions_.image_alignment)
     last_view_.remember(now.image->pyramid, now.depth, now.result.dynamic_mask, last_moving_);
   if (!additions_.second_look && !began_at_rest_) return;

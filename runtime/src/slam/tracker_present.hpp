@@ -37,9 +37,9 @@ struct Tracker::Present {
   const Masks* prior = nullptr;  // where it is used
   cv::Mat semantic;              // a-priori mask with its margin; empty: none that is believed
   bool covers_view = false;      // it leaves next to nothing
+  cv::Mat foreground;            // where the pose was found to follow what stands before the room; else empty
   cv::Mat moving;                // what the geometry found, in the depth image
   cv::Mat moving_widened;        // with its margin
-  cv::Mat covering;              // and in either image, which is handed on; empty: it is not believed
   TrackResult result;
   Stopwatch whole, watch;
 
@@ -74,21 +74,6 @@ inline cv::Mat widened(const cv::Mat& mask, int margin) {
   const int size = 2 * margin + 1;
   cv::Mat result;
   cv::dilate(mask, result, cv::getStructuringElement(cv::MORPH_RECT, {size, size}));
-  return result;
-}
-
-/// What of a mask is not on the next one and wider than a share of the image's width; empty: nothing. Found
-/// at a quarter of the size.
-inline cv::Mat vanished_pieces(const cv::Mat& mask, const cv::Mat& next, double share) {
-  cv::Mat small, still;
-  cv::resize(mask, small, {}, 0.25, 0.25, cv::INTER_NEAREST);
-  if (cv::countNonZero(small) == 0) return {};
-  cv::resize(next, still, {}, 0.25, 0.25, cv::INTER_NEAREST);
-  small.setTo(0, still);
-  const int width = std::max(1, static_cast<int>(std::lround(share * small.cols)));
-  cv::morphologyEx(small, small, cv::MORPH_OPEN, cv::getStructuringElement(cv::MORPH_RECT, {width, width}));
-  cv::Mat result;
-  if (cv::countNonZero(small) > 0) cv::resize(small, result, mask.size(), 0, 0, cv::INTER_NEAREST);
   return result;
 }
 

@@ -108,13 +108,14 @@ struct MaskReport {
 
 /// Compares predicted masks with the truth, PNG files of equal names, each folder read by one rule as
 /// MaskSource does.
-/// @param options  how the predicted ones are read
+/// @param options, truth_options  how the predicted and the true ones are read
 /// @param widen  by how much the truth is widened before what lies beyond it is spill [px]: rims are
 /// uncertain
 /// @throws InputError  missing folders, unreadable images, sizes that differ, no file in common
 [[nodiscard]] MaskReport evaluate_masks(const std::filesystem::path& predicted,
                                         const std::filesystem::path& truth, int widen = 0,
-                                        const MaskOptions& options = {});
+                                        const MaskOptions& options = {},
+                                        const MaskOptions& truth_options = {});
 /// As `eval-masks --json` prints it.
 [[nodiscard]] nlohmann::json to_json(const MaskReport& report);
 /// As `eval-masks` prints it.

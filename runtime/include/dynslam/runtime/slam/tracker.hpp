@@ -119,7 +119,6 @@ class Tracker {
   void find_standing(const Present& now);
   void pose_without_movers(Present& now);
   void doubt_points_on_movers(Present& now);
-  void doubt_recent_movers(Present& now);
   void accept(Present& now);
   /// Finds the pose of the frame before once more, by how the camera moved at its time.
   void revise_last(Present& now);
@@ -194,7 +193,6 @@ class Tracker {
   ImagePyramid last_pyramid_;            // for look_again()
   double usual_inliers_ = 0;  // of the frames before: the most, less by a share for each frame since
   cv::Mat last_moving_;       // what the geometry found in the last frame, CV_8UC1
-  std::vector<std::uint8_t> recent_flags_;
   SE3<double> velocity_;  // T_c_last
   std::optional<ReadoutMeasurement<double>> readout_;
   double velocity_interval_ = 0;  // over which it was measured [s]; 0: it was not

@@ -54,7 +54,6 @@ struct PoseSearchOptions {
   /// Of a pose's matches on what stands before the room, up to which it is not asked: 0.58 of those of a pose
   /// that goes with a board, 0.16 at most of one that does not.
   double foreground_share = 0.25;
-  double behind = 2;  ///< times as well, by squared error, its own motion has to fit what lies behind
   /// A loss of so many frames at most is gone through once more when the camera is known on both sides of it;
   /// 0: never. Their images are kept meanwhile (2.2 MB each at 640x480).
   std::size_t recovered_frames = 20;
@@ -89,8 +88,6 @@ struct TrackerOptions {
   RestingOptions<double> resting;
   MaskArbitrationOptions<double> arbitration;
   int semantic_dilation = 9;     ///< pixels added around a-priori masks
-  double vanished_piece = 0.04;  ///< of the last frame's mask that is gone, as a share of the image's width,
-                                 ///< in which no points are made
   double behind_mover = 0.05;    ///< of its distance: how far behind a mover's surface a point is doubted
   int feature_margin = 6;        ///< pixels around the fused mask in which features are not used
   bool bundle = true;            ///< adjust the newest keyframes and their points
