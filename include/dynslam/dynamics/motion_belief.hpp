@@ -75,7 +75,7 @@ class MotionBelief {
     history_.check(grid, depth, smooth, t, T_c_w, evidence_, shutter);
     const auto surfaces = find_surfaces(depth);
     add_keypoints(grid, depth, matches, surfaces.size());
-    add_surfaces(grid, surfaces);
+    add_surfaces(surfaces);
     pool_beliefs(depth, evidence_.confidence, evidence_.belief, options_.pooling, pooling_);
     int dynamic = 0;
     for (std::size_t c = 0; c < grid.cells(); ++c) {
@@ -154,7 +154,7 @@ class MotionBelief {
   }
 
   /// Adds what outlines and keypoints are evidence of for whole surfaces.
-  void add_surfaces(const DepthGrid& grid, std::span<const SurfaceOutline> surfaces) {
+  void add_surfaces(std::span<const SurfaceOutline> surfaces) {
     const SurfaceEvidenceOptions& o = options_.surfaces;
     MovedShare outlines;
     for (const SurfaceOutline& s : surfaces) {
@@ -169,10 +169,8 @@ class MotionBelief {
       const float ratio = surface_evidence(outline, total, o.outline, o) +
                           surface_evidence(keypoints_[k + 1], all_keypoints_, o.keypoints, o);
       if (ratio == 0) continue;
-      outlines_.for_each_cell(s, [&](int u, int v) {
-        evidence_.add(static_cast<std::size_t>(v) * static_cast<std::size_t>(grid.width()) + static_cast<std::size_t>(u),
-                      ratio);
-      });
+      // No more is known of a cell by that: one that is new takes the belief of those beside it.
+      outlines_.for_each_cell(s, [&](int u, int v) { evidence_.belief(u, v) += ratio; });
     }
   }
 
