@@ -25,6 +25,7 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/segment/connectivity.hpp"
 #include "dynslam/segment/mask.hpp"
+#include "dynslam/segment/support_planes.hpp"
 
 namespace dynslam {
 
@@ -42,6 +43,7 @@ struct KeypointEvidenceOptions {
 struct MotionBeliefOptions {
   FreeSpaceOptions free_space;
   KeypointEvidenceOptions keypoints;
+  SupportPlaneOptions supports;
   MovedOutlineOptions outlines;
   SurfaceEvidenceOptions surfaces;
   PoolingOptions pooling;
@@ -73,7 +75,7 @@ class MotionBelief {
              const SE3<S>& T_c_w, const RollingShutter<S>& shutter, std::span<const JudgedMatch<S>> matches,
              Image<std::uint8_t>& mask) {
     history_.check(grid, depth, smooth, t, T_c_w, evidence_, shutter);
-    const auto surfaces = find_surfaces(depth);
+    const auto surfaces = find_surfaces(grid, depth);
     add_keypoints(grid, depth, matches, surfaces.size());
     add_surfaces(surfaces);
     pool_beliefs(depth, evidence_.confidence, evidence_.belief, options_.pooling, pooling_);
@@ -110,7 +112,7 @@ class MotionBelief {
   void mark_foreground(const DepthGrid& grid, const Image<float>& depth, Image<std::uint8_t>& mask) {
     forget_evidence(grid);
     mask.fill(0);
-    for (const SurfaceOutline& s : find_surfaces(depth)) {
+    for (const SurfaceOutline& s : find_surfaces(grid, depth)) {
       if (s.in_foreground(options_.outlines)) outlines_.for_each_cell(s, [&](int u, int v) { mask(u, v) = 255; });
     }
   }
@@ -127,8 +129,10 @@ class MotionBelief {
   void clear() { history_.clear(); }
 
  private:
-  std::span<const SurfaceOutline> find_surfaces(const Image<float>& depth) {
-    return watch_outlines(depth, evidence_, options_.pooling.step, options_.free_space.margins, options_.outlines, outlines_);
+  std::span<const SurfaceOutline> find_surfaces(const DepthGrid& grid, const Image<float>& depth) {
+    split_supports(grid, depth, options_.pooling.step, options_.supports, plane_, supports_);
+    return watch_outlines(depth, evidence_, options_.pooling.step, plane_, options_.free_space.margins, options_.outlines,
+                          outlines_);
   }
 
   /// Adds keypoints to the cells around them, and counts those of each surface.
@@ -177,6 +181,8 @@ class MotionBelief {
   MotionBeliefOptions options_;
   FreeSpaceHistory<S> history_;
   MotionEvidence evidence_;
+  Image<int> plane_;  // of each cell; 0: none
+  SupportPlaneWorkspace supports_;
   MovedOutlineWorkspace outlines_;
   std::vector<MovedShare> keypoints_;  // of each surface; the first: of none
   MovedShare all_keypoints_;

@@ -16,6 +16,7 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/segment/connectivity.hpp"
 #include "dynslam/segment/growing_field.hpp"
+#include "dynslam/segment/growing_criteria.hpp"
 #include "dynslam/segment/region_growing.hpp"
 
 namespace dynslam {
@@ -143,14 +144,17 @@ class OutlineWatch {
 /// @param depth     [m], invalid = NaN or <= 0
 /// @param evidence  of its cells: what is gone, and fresh evidence of what has come
 /// @param step      between cells of one surface, as RelativeStep
+/// @param plane     of each cell, as split_supports() numbers them: a surface does not go on from one to another
 /// @return surfaces of at least `options.surface` cells, in `ws`
 template <class Step>
 std::span<const SurfaceOutline> watch_outlines(const Image<float>& depth, const MotionEvidence& evidence,
-                                               const Step& step, const FreeSpaceMargins<float>& margins,
+                                               const Step& step, const Image<int>& plane,
+                                               const FreeSpaceMargins<float>& margins,
                                                const MovedOutlineOptions& options,
                                                MovedOutlineWorkspace& ws) {
   const detail::NoBarrier nowhere;
-  detail::GrowingField field(depth, nowhere, step, ws.growing.words);
+  const SameLabelStep within(plane, step);
+  detail::GrowingField field(depth, nowhere, within, ws.growing.words);
   const detail::OutlineWatch watch(depth, evidence, step, margins, options);
   ws.runs.clear();
   ws.surfaces.clear();

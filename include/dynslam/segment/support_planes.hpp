@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "dynslam/push_macros.hpp"
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "dynslam/image/depth.hpp"
+#include "dynslam/image/image.hpp"
+#include "dynslam/segment/growing_field.hpp"
+#include "dynslam/segment/region_growing.hpp"
+
+namespace dynslam {
+
+/// Options of split_supports().
+struct SupportPlaneOptions {
+  int least = 200;       ///< pixels of the smallest surface that is split
+  double area = 1.0;     ///< of the smallest plane that supports others: no side of a person has as much [m^2]
+  int planes = 3;        ///< of a surface, at most
+  int hypotheses = 40;   ///< by three pixels each: where half of the pixels are on the plane, 99.5 % find it
+  int samples = 300;     ///< pixels that judge them
+  float base = 0.03F, quad = 0.010F;  ///< a pixel at depth z is on the plane within base + quad z^2 [m, 1/m]
+};
+
+/// Memory of split_supports(); keep it between calls to avoid allocation.
+struct SupportPlaneWorkspace {
+  RegionGrowingWorkspace growing;
+  std::vector<PixelRun> runs;
+  std::vector<PixelIndex> rest, samples;
+};
+
+namespace detail {
+/// A plane as a pinhole sees it: 1 / z = a u + b v + c.
+struct InverseDepthPlane {
+  Eigen::Vector3f abc = Eigen::Vector3f::Zero();
+  /// Whether a pixel of depth z lies on it.
+  [[nodiscard]] bool holds(PixelIndex p, float z, const SupportPlaneOptions& o) const {
+    const float inverse = abc.x() * static_cast<float>(p.u) + abc.y() * static_cast<float>(p.v) + abc.z();
+    // |z - 1 / inverse| < tolerance, without the division; behind the camera there is no plane.
+    return inverse > 0 && std::abs(z * inverse - 1) < (o.base + o.quad * z * z) * inverse;
+  }
+  /// What a pixel at depth 1 m shows of it [m^2]; at depth z it is z^3 times as much.
+  template <class Pinhole>
+  [[nodiscard]] float area_at_one(const Pinhole& k) const {
+    const Eigen::Vector3f normal(k.fx() * abc.x(), k.fy() * abc.y(), abc.dot(Eigen::Vector3f(k.cx(), k.cy(), 1)));
+    return normal.norm() / (k.fx() * k.fy());
+  }
+};
+
+/// The plane through most of the samples, by three of them at a time.
+inline InverseDepthPlane dominant_plane(const Image<float>& depth, std::span<const PixelIndex> samples,
+                                        const SupportPlaneOptions& o) {
+  InverseDepthPlane best;
+  int most = 0;
+  std::uint32_t state = 1;  // the same draws in every call: results can be reproduced
+  const auto draw = [&] {
+    state = state * 1664525U + 1013904223U;
+    return samples[static_cast<std::size_t>((std::uint64_t(state) * samples.size()) >> 32)];
+  };
+  for (int k = 0; k < o.hypotheses; ++k) {
+    Eigen::Matrix3f A;
+    Eigen::Vector3f inverse;
+    for (int i = 0; i < 3; ++i) {
+      const PixelIndex p = draw();
+      A.row(i) << static_cast<float>(p.u), static_cast<float>(p.v), 1.0F;
+      inverse[i] = 1.0F / depth(p.u, p.v);
+    }
+    if (std::abs(A.determinant()) < 1.0F) continue;  // on one line
+    const InverseDepthPlane plane{A.inverse() * inverse};
+    int inliers = 0;
+    for (const PixelIndex& p : samples) inliers += plane.holds(p, depth(p.u, p.v), o) ? 1 : 0;
+    if (inliers > most) most = inliers, best = plane;
+  }
+  return best;
+}
+}  // namespace detail
+
+/// Numbers the planes that make up most of the connected surfaces of a depth image: floors, walls and tables. Depth does
+/// not break off where a person stands on a floor or a back touches a wall, but what is in contact with a plane is not
+/// on it. A surface whose pixels do not lie on a plane by more than half, and what is left of one that do, have
+/// 0; so has a plane that is no larger than what may stand on one.
+/// @param pinhole  of the depth image: fx(), fy(), cx(), cy() [px]
+/// @param depth  [m], invalid = NaN or <= 0
+/// @param step   between pixels of one surface, as RelativeStep
+/// @param plane  out: number of its pixel's plane, from 1; 0: none
+template <class Pinhole, class Step>
+void split_supports(const Pinhole& pinhole, const Image<float>& depth, const Step& step, const SupportPlaneOptions& options, Image<int>& plane,
+                    SupportPlaneWorkspace& ws) {
+  const detail::NoBarrier nowhere;
+  detail::GrowingField field(depth, nowhere, step, ws.growing.words);
+  plane.resize(depth.width(), depth.height());
+  plane.fill(0);
+  int planes = 0;
+  for (int v = 0; v < depth.height(); ++v) {
+    for (int u = 0; u < depth.width(); ++u) {
+      if (!field.open(u, v)) continue;
+      ws.runs.clear();
+      ws.rest.clear();
+      field.template take_region<Connectivity::four>(u, v, ws.runs);
+      for (const PixelRun& run : ws.runs) {
+        for (int x = run.begin; x < run.end; ++x) ws.rest.push_back({x, run.v});
+      }
+      for (int k = 0; k < options.planes && ws.rest.size() >= static_cast<std::size_t>(options.least); ++k) {
+        const auto n = std::min(ws.rest.size(), static_cast<std::size_t>(options.samples));
+        ws.samples.clear();
+        for (std::size_t i = 0; i < n; ++i) ws.samples.push_back(ws.rest[i * ws.rest.size() / n]);
+        const detail::InverseDepthPlane found = detail::dominant_plane(depth, ws.samples, options);
+        const auto off = [&](const PixelIndex& p) { return !found.holds(p, depth(p.u, p.v), options); };
+        std::size_t on = 0;
+        double cubes = 0;
+        for (const PixelIndex& p : ws.rest) {
+          if (off(p)) continue;
+          const double z = depth(p.u, p.v);
+          ++on;
+          cubes += z * z * z;
+        }
+        if (2 * on < ws.rest.size() || cubes * double(found.area_at_one(pinhole)) < options.area) break;
+        ++planes;
+        std::erase_if(ws.rest, [&](const PixelIndex& p) {
+          if (off(p)) return false;
+          plane(p.u, p.v) = planes;
+          return true;
+        });
+      }
+    }
+  }
+}
+
+}  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"
