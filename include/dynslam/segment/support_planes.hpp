@@ -24,7 +24,7 @@ struct SupportPlaneOptions {
   int least = 200;       ///< pixels of the smallest surface that is split
   double area = 1.0;     ///< of the smallest plane that supports others: no side of a person has as much [m^2]
   int planes = 3;        ///< of a surface, at most
-  int hypotheses = 40;   ///< by three pixels each: where half of the pixels are on the plane, 99.5 % find it
+  int hypotheses = 100;   ///< by three pixels each: where half of the pixels are on the plane, 99.5 % find it
   int samples = 300;     ///< pixels that judge them
   float base = 0.03F, quad = 0.010F;  ///< a pixel at depth z is on the plane within base + quad z^2 [m, 1/m]
 };
@@ -121,7 +121,7 @@ void split_supports(const Pinhole& pinhole, const Image<float>& depth, const Ste
           ++on;
           cubes += z * z * z;
         }
-        if (2 * on < ws.rest.size() || cubes * double(found.area_at_one(pinhole)) < options.area) break;
+        if (4 * on < ws.rest.size() || cubes * double(found.area_at_one(pinhole)) < options.area) break;
         ++planes;
         std::erase_if(ws.rest, [&](const PixelIndex& p) {
           if (off(p)) return false;
