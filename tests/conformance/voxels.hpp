@@ -20,7 +20,9 @@
 #include "dynslam/semantic/map_query.hpp"
 #include "dynslam/semantic/map_scan.hpp"
 #include "dynslam/semantic/map_voxel.hpp"
+#include "dynslam/semantic/marching_cubes.hpp"
 #include "dynslam/semantic/occupancy_grid.hpp"
+#include "dynslam/semantic/occupancy_surface.hpp"
 #include "dynslam/semantic/ray_bits.hpp"
 #include "dynslam/semantic/ray_traversal.hpp"
 #include "dynslam/semantic/scan_voxels.hpp"
@@ -160,6 +162,15 @@ void plan(const M& map, Record<double>& out) {
   out.put("fit_ground_plane", fit_ground_plane(map, options).has_value());
 }
 
+/// The map as triangles, as many in every store. Where there are no log-odds their vertices are elsewhere.
+template <VoxelMap M>
+void draw(const M& map, Record<double>& out) {
+  const OccupancySurface surface = occupancy_surface(map);
+  out.put("occupancy_surface.vertices", static_cast<double>(surface.vertices.size()));
+  out.put("occupancy_surface.triangles", static_cast<double>(surface.triangles.size()));
+  out.put("marching_cubes_case", static_cast<double>(marching_cubes_case(1).size()));
+}
+
 /// A store after one scan, asked everything.
 template <std::floating_point S, VoxelStore Store>
 [[nodiscard]] Record<double> store_results(Store& store) {
@@ -167,6 +178,7 @@ template <std::floating_point S, VoxelStore Store>
   Record<double> out;
   ask<S>(store, out);
   plan(store, out);
+  draw(store, out);
   return out;
 }
 

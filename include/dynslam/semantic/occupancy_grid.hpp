@@ -119,9 +119,11 @@ template <VoxelMap M, std::predicate<const typename M::Voxel&> IsObstacle>
   const Eigen::AlignedBox2d box = detail::ObservedBox<M>(map, T_ground_map, options.low, options.high).box();
   grid.status = GridStatus::nothing_in_band;
   if (box.isEmpty()) return grid;
-  // Cells of a fixed raster, so that grids of one frame lie on each other.
-  const Eigen::Vector2d first = (box.min() / grid.cell).array().floor(),
-                        size = (box.max() / grid.cell).array().ceil() - first.array();
+  // Cells of a fixed raster, so that grids of one frame lie on each other; what rounding alone adds is no
+  // cell.
+  constexpr double kRounding = 1e-6;
+  const Eigen::Vector2d first = ((box.min() / grid.cell).array() + kRounding).floor(),
+                        size = ((box.max() / grid.cell).array() - kRounding).ceil() - first.array();
   grid.status = GridStatus::too_many_cells;
   if (!(size.prod() <= static_cast<double>(options.max_cells)) || size.maxCoeff() > 1e9) return grid;
   grid.corner = grid.cell * first;
