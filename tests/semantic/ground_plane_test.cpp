@@ -15,7 +15,7 @@ using namespace dynslam;
 namespace {
 
 /// A floor of 3 x 3 m, a wall of 3 x 2 m, a table of 1 x 1 m at 0.7 m, and noise; z up from the floor.
-struct Scene {
+struct GroundScene {
   bool floor = true, table = true;
   [[nodiscard]] bool occupied(const Eigen::Vector3d& p) const {
     const bool within = std::abs(p.x()) < 1.5 && std::abs(p.y()) < 1.5;
@@ -24,7 +24,7 @@ struct Scene {
   }
 };
 
-VoxelBlockMap<float> map_of(const Scene& scene, const SE3<double>& T_ground_map) {
+VoxelBlockMap<float> map_of(const GroundScene& scene, const SE3<double>& T_ground_map) {
   test::Rng rng("noise about a floor");
   VoxelBlockMap<float> map{VoxelGrid(0.05)};
   test::paint_map(map, {-3, -3, -3}, {3, 3, 3}, [&](const Eigen::Vector3d& p) {

@@ -31,7 +31,7 @@ test::Paint room(const Eigen::Vector3d& p) {
   return {Occupancy::free};
 }
 
-Occupancy at(const OccupancyGridResult& grid, double x, double y) {
+Occupancy state_at(const OccupancyGridResult& grid, double x, double y) {
   const int u = static_cast<int>(std::floor((x - grid.corner.x()) / grid.cell)),
             v = static_cast<int>(std::floor((y - grid.corner.y()) / grid.cell));
   return grid.cells.contains(u, v) ? grid.cells(u, v) : Occupancy::unknown;
@@ -56,15 +56,15 @@ TEST_CASE("a grid tells walls, free ground and what nobody has seen, whichever w
         occupancy_grid(map, T, {}, [](const MapVoxel& voxel) { return voxel.label != kPerson; });
     REQUIRE(grid.ok());
     CHECK(grid.cell == 0.05);
-    CHECK(at(grid, 0.8, 0.5) == Occupancy::free);
-    CHECK(at(grid, 2.2, 0.6) == Occupancy::free);       // under the lamp
-    CHECK(at(grid, 1.2, 1.2) == Occupancy::occupied);   // the seat
-    CHECK(at(grid, 0.55, 1.55) == Occupancy::unknown);  // the person, whatever is behind
-    CHECK(at(grid, 2.2, 1.6) == Occupancy::unknown);    // of which the lower part was not seen
-    CHECK(at(grid, 3.5, 1) == Occupancy::unknown);
+    CHECK(state_at(grid, 0.8, 0.5) == Occupancy::free);
+    CHECK(state_at(grid, 2.2, 0.6) == Occupancy::free);       // under the lamp
+    CHECK(state_at(grid, 1.2, 1.2) == Occupancy::occupied);   // the seat
+    CHECK(state_at(grid, 0.55, 1.55) == Occupancy::unknown);  // the person, whatever is behind
+    CHECK(state_at(grid, 2.2, 1.6) == Occupancy::unknown);    // of which the lower part was not seen
+    CHECK(state_at(grid, 3.5, 1) == Occupancy::unknown);
     for (double y = 0.1; y < 1.9; y += 0.01) {
       CAPTURE(y);
-      CHECK(at(grid, 2.9, y) == Occupancy::occupied);  // a wall without a hole
+      CHECK(state_at(grid, 2.9, y) == Occupancy::occupied);  // a wall without a hole
     }
     // The box of what was seen in the band, and no more than a cell's rounding beyond.
     CHECK(grid.corner.x() == doctest::Approx(0).epsilon(0.11));
@@ -72,11 +72,11 @@ TEST_CASE("a grid tells walls, free ground and what nobody has seen, whichever w
     CHECK(grid.cells.width() * grid.cell == doctest::Approx(3).epsilon(0.08));
     CHECK(grid.cells.height() * grid.cell == doctest::Approx(2).epsilon(0.12));
     // Everything is an obstacle unless somebody says otherwise; or chairs alone are.
-    CHECK(at(occupancy_grid(map, T), 0.55, 1.55) == Occupancy::occupied);
+    CHECK(state_at(occupancy_grid(map, T), 0.55, 1.55) == Occupancy::occupied);
     const auto chairs =
         occupancy_grid(map, T, {}, [](const MapVoxel& voxel) { return voxel.label == kChair; });
-    CHECK(at(chairs, 1.2, 1.2) == Occupancy::occupied);
-    CHECK(at(chairs, 2.9, 1) != Occupancy::occupied);
+    CHECK(state_at(chairs, 1.2, 1.2) == Occupancy::occupied);
+    CHECK(state_at(chairs, 2.9, 1) != Occupancy::occupied);
   }
 }
 
@@ -84,16 +84,16 @@ TEST_CASE("the band of heights and the cell's size are the caller's") {
   const SE3<double> T;
   const auto map = map_of_room(T);
   const auto all = occupancy_grid(map, T, {.cell = 0.2, .low = 0.1, .high = 2.3});
-  CHECK(at(all, 2.2, 0.6) == Occupancy::occupied);  // the lamp
+  CHECK(state_at(all, 2.2, 0.6) == Occupancy::occupied);  // the lamp
   CHECK(all.cells.width() == 15);
   CHECK(all.cells.height() == 10);
   const auto low = occupancy_grid(map, T, {.low = 0.1, .high = 0.5});
-  CHECK(at(low, 1.2, 1.2) == Occupancy::unknown);  // below the seat
-  CHECK(at(low, 2.9, 1) == Occupancy::occupied);
+  CHECK(state_at(low, 1.2, 1.2) == Occupancy::unknown);  // below the seat
+  CHECK(state_at(low, 2.9, 1) == Occupancy::occupied);
   const auto fine = occupancy_grid(map, T, {.cell = 0.0125});
-  for (double x = 2.81; x < 2.99; x += 0.01) CHECK(at(fine, x, 1.01) == Occupancy::occupied);
+  for (double x = 2.81; x < 2.99; x += 0.01) CHECK(state_at(fine, x, 1.01) == Occupancy::occupied);
   // What was seen at head height alone is enough for those who say so.
-  CHECK(at(occupancy_grid(map, T, {.clear = 1.7, .clear_share = 0.2}), 2.2, 1.6) == Occupancy::free);
+  CHECK(state_at(occupancy_grid(map, T, {.clear = 1.7, .clear_share = 0.2}), 2.2, 1.6) == Occupancy::free);
 }
 
 TEST_CASE("grids that cannot be are told apart") {
