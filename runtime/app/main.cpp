@@ -19,6 +19,7 @@
 #include "help_commands.hpp"
 #include "info_command.hpp"
 #include "map_command.hpp"
+#include "masks_command.hpp"
 #include "plain_output.hpp"
 #include "readout_command.hpp"
 #include "report_command.hpp"
@@ -47,6 +48,7 @@ int run(int argc, char** argv) {
   const ConvertCommand convert(app);
   const SynthCommand synth(app);
   const MapCommand map(app);
+  const MasksCommand masks(app);
   const SweepCommand sweep(app);
   const ReportCommand report(app);
   const ConfigCommand show(app, run_command);
@@ -64,6 +66,7 @@ int run(int argc, char** argv) {
     if (convert.chosen()) return convert.run();
     if (synth.chosen()) return synth.run();
     if (sweep.chosen()) return sweep.run();
+    if (masks.chosen()) return masks.run();
     if (report.chosen()) return report.run();
     return map.run();
   } catch (const CLI::FileError&) {

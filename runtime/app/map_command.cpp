@@ -18,6 +18,7 @@
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/semantic/map_query.hpp"
+#include "map_export.hpp"
 #include "validators.hpp"
 
 namespace dynslam::app {
@@ -81,6 +82,7 @@ struct MapCommand::Options {
   CLI::App* exporter = nullptr;
   CLI::App* query = nullptr;
   CLI::App* render = nullptr;
+  std::unique_ptr<MapExport> files;
   std::filesystem::path file, out;
   bool json = false;
   std::vector<double> at, box, ray, nearest;
@@ -104,11 +106,7 @@ MapCommand::MapCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   o.info->add_flag("--json", o.json, "Print JSON");
 
   o.exporter = add("export", "Write it for other programs");
-  o.exporter
-      ->add_option("out", o.out,
-                   "File to make: .ot (ColorOcTree for octovis), .bt (OcTree), .ply (coloured points), .txt "
-                   "or .json (summary), .sot (the map itself)")
-      ->required();
+  o.files = std::make_unique<MapExport>(*o.exporter);
 
   o.query =
       add("query", "Ask as a planner would; lengths in metres, in the map's frame (the first camera's)");
@@ -148,20 +146,17 @@ bool MapCommand::chosen() const {
 
 int MapCommand::run() const {
   const Options& o = *o_;
-  std::error_code error;
-  if (!o.out.empty() && std::filesystem::equivalent(o.file, o.out, error))
-    throw rt::UsageError(
-        fmt::format("{} is the map itself, which would be lost: name another file to make", o.out.string()));
   if (*o.info) {
     const rt::MapSummary summary = rt::summarize(*rt::load_map(o.file), rt::load_map_classes(o.file));
     std::cout << (o.json ? rt::to_json(summary).dump() + "\n" : rt::to_text(summary));
     return 0;
   }
   if (*o.exporter) {
-    rt::export_map(*rt::load_map(o.file), o.out, rt::load_map_classes(o.file));
+    o.files->run(o.file);
     return 0;
   }
   if (*o.render) {
+    check_other_file(o.file, o.out);
     const auto tree = rt::load_map(o.file);
     const rt::MapView view = rt::fit_view(*tree, rt::view_behind(SE3<double>()));
     rt::write_image(o.out,

@@ -15,10 +15,14 @@
 #include "dynslam/concepts/map.hpp"
 #include "dynslam/image/image.hpp"
 #include "dynslam/semantic/depth_code.hpp"
+#include "dynslam/semantic/ground_plane.hpp"
 #include "dynslam/semantic/label_histogram.hpp"
 #include "dynslam/semantic/map_query.hpp"
 #include "dynslam/semantic/map_scan.hpp"
 #include "dynslam/semantic/map_voxel.hpp"
+#include "dynslam/semantic/marching_cubes.hpp"
+#include "dynslam/semantic/occupancy_grid.hpp"
+#include "dynslam/semantic/occupancy_surface.hpp"
 #include "dynslam/semantic/ray_bits.hpp"
 #include "dynslam/semantic/ray_traversal.hpp"
 #include "dynslam/semantic/scan_voxels.hpp"
@@ -141,12 +145,40 @@ void ask(const M& map, Record<double>& out) {
   }
 }
 
+/// The map as planners have it.
+template <VoxelMap M>
+void plan(const M& map, Record<double>& out) {
+  const OccupancyGridResult grid = occupancy_grid(map, *ground_frame({0, -1, 0.1}, 0.3), {.high = 0.7});
+  out.put("occupancy_grid.ok", grid.ok());
+  out.put("occupancy_grid.corner", grid.corner);
+  double sum = 0;
+  for (int v = 0; v < grid.cells.height(); ++v)
+    for (int u = 0; u < grid.cells.width(); ++u)
+      sum += (1 + u + 100 * v) * static_cast<int>(grid.cells(u, v));
+  out.put("occupancy_grid.cells", sum);
+  GroundPlaneOptions options;  // the wall, as a floor under a camera that looks down
+  options.up = -Eigen::Vector3d::UnitZ();
+  options.max_points = 20;
+  out.put("fit_ground_plane", fit_ground_plane(map, options).has_value());
+}
+
+/// The map as triangles, as many in every store. Where there are no log-odds their vertices are elsewhere.
+template <VoxelMap M>
+void draw(const M& map, Record<double>& out) {
+  const OccupancySurface surface = occupancy_surface(map);
+  out.put("occupancy_surface.vertices", static_cast<double>(surface.vertices.size()));
+  out.put("occupancy_surface.triangles", static_cast<double>(surface.triangles.size()));
+  out.put("marching_cubes_case", static_cast<double>(marching_cubes_case(1).size()));
+}
+
 /// A store after one scan, asked everything.
 template <std::floating_point S, VoxelStore Store>
 [[nodiscard]] Record<double> store_results(Store& store) {
   store.integrate(wall_scan<Store::Scan::kLabels, S>());
   Record<double> out;
   ask<S>(store, out);
+  plan(store, out);
+  draw(store, out);
   return out;
 }
 

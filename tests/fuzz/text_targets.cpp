@@ -7,6 +7,7 @@
 #include "dynslam/runtime/config/options_file.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/camera.hpp"
+#include "dynslam/runtime/io/frame_pipe.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
 #include "dynslam/runtime/nets/onnx_segmenter.hpp"
@@ -86,6 +87,14 @@ void eth3d_camera(Bytes bytes) {
 void json_cameras(Bytes bytes) {
   parse_text(bytes, [&](std::istream&) { (void)formats::parse_replica_camera(text_of(bytes), "replica"); });
   parse_text(bytes, [&](std::istream&) { (void)formats::parse_open3d_camera(text_of(bytes), "open3d"); });
+}
+
+void frame_pipe(Bytes bytes) {
+  parse_text(bytes, [](std::istream& in) {
+    FramePipe pipe(in, "pipe");
+    while (pipe.next()) {
+    }
+  });
 }
 
 void class_names(Bytes bytes) {
@@ -168,6 +177,15 @@ void add_text_targets(std::vector<Target>& targets) {
              R"({"camera": {"w": 1200, "h": 680, "fx": 600.0, "fy": 600.0, "cx": 599.5, "cy": 339.5,
                  "scale": 6553.5}})",
              R"({"width": 640, "height": 480, "intrinsic_matrix": [525, 0, 0, 0, 525, 0, 319.5, 239.5, 1]})"};
+       }});
+  targets.push_back(
+      {"frame_pipe", frame_pipe, [] {  // two frames: BGR and 16 bits, grey and floats
+         const std::string head =
+             "dynslam-frames 1\nwidth=64 height=64 fx=60 fy=60 cx=32 cy=32 depth_units_per_metre=1000\n";
+         const std::string first("FRME\1\0\0\0\0\0\0\0\0\0\0\0\0\x30\0\0\0\x20\0\0", 24),
+             second("FRME\2\0\0\0\0\0\0\0\2\1\0\0\0\x10\0\0\0\x40\0\0", 24);
+         const std::string images(64 * 64 * 5, 'x');
+         return std::vector<std::string>{head + first + images + second + images};
        }});
   targets.push_back({"class_names", class_names, [] {
                        return std::vector<std::string>{"{0: 'person', 1: 'bicycle', 2: \"traffic light\"}"};

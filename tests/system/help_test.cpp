@@ -38,7 +38,7 @@ std::string completed(const std::string& words, int typed) {
 TEST_CASE("each command has a manual page with all of its options") {
   const std::string program = page("");
   for (const char* command : {"run", "ablate", "eval", "eval-masks", "mask-faults", "info", "readout",
-                              "convert", "synth", "map", "sweep", "report", "config", "man"}) {
+                              "convert", "synth", "map", "masks", "sweep", "report", "config", "man"}) {
     CAPTURE(command);
     CHECK(program.find("dynslam-" + std::string(command)) != std::string::npos);
     const std::string text = page(command);

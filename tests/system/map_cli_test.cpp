@@ -17,7 +17,7 @@
 #include "tum_fixture.hpp"
 
 using namespace dynslam;
-using test::call, test::check_one_line_error, test::ProgramResult;
+using test::call, test::check_one_line_error, test::shell, test::ProgramResult;
 
 namespace {
 
@@ -56,6 +56,63 @@ TEST_CASE("map info and export") {
     CHECK(call("map render " + saved.map + " " + picture + " --colours " + colours).code == 0);
     CHECK(std::filesystem::file_size(picture) > 1000);
   }
+}
+
+TEST_CASE("map export makes a grid for a planner, and says on what floor") {
+  const SavedMap saved;
+  const std::string grid = (saved.path / "grid.pgm").string(),
+                    command = "map export " + saved.map + " --grid ";
+  ProgramResult r = call(command + grid + " --camera-height 1 --band 0.1 1.5 --cell 0.1");
+  CHECK(r.code == 0);
+  CHECK(r.out.find("cells of 0.1 m: ") != std::string::npos);
+  CHECK(std::filesystem::file_size(grid) > 100);
+  CHECK(std::filesystem::file_size(saved.path / "grid.yaml") > 100);
+  r = call(command + grid + " " + (saved.path / "both.ply").string() + " --ignore chair --up 0 -1 0");
+  CHECK(r.out.find("floor ") == 0);
+  CHECK(std::filesystem::exists(saved.path / "both.ply"));
+  check_one_line_error(command + (saved.path / "grid.png").string(), 2, "a grid's extension is .pgm");
+  check_one_line_error(command + grid + " --band 2 1", 2, "band from a lower to a higher height");
+  check_one_line_error(command + grid + " --ignore horse", 2, "no class 'horse'");
+  check_one_line_error(command + grid + " --cell 0", 2, "--cell");
+  check_one_line_error("map export " + saved.map + " --band 0 1", 2, "--grid");
+  check_one_line_error("map export " + saved.map, 2, "needs a file to make");
+}
+
+TEST_CASE("map export makes clouds and meshes, which Open3D reads") {
+  const SavedMap saved;
+  const std::string folder = saved.path.string(), command = "map export " + saved.map + " ";
+  const ProgramResult r = call(command + "--pointcloud " + folder + "/c.pcd --mesh " + folder + "/m.ply");
+  CHECK(r.code == 0);
+  CHECK(r.out.find(" triangles between occupied and free space\n") != std::string::npos);
+  CHECK(call(command + "--pointcloud " + folder + "/c.ply").code == 0);
+  check_one_line_error(command + "--pointcloud " + folder + "/c.xyz", 2, ".ply or .pcd");
+  check_one_line_error(command + "--mesh " + folder + "/m.stl", 2, "a mesh's extension is .ply");
+  check_one_line_error(command + "--mesh " + saved.map, 2, "is the map itself");
+
+  // Debian's python3-open3d, where it is installed.
+  const std::string python = "/usr/bin/python3 -c ";
+  if (shell(python + "'import open3d' 2>/dev/null").code != 0) {
+    MESSAGE("SKIPPED: no python3-open3d");
+    return;
+  }
+  const std::string script =
+      "\"import open3d as o, numpy as n\n"
+      "for f in ('c.ply', 'c.pcd'):\n"
+      "  c = o.io.read_point_cloud('" +
+      folder +
+      "/' + f)\n"
+      "  chairs = (n.abs(n.asarray(c.colors) - [192 / 255, 0, 0]).max(1) < 1e-3).sum()\n"
+      "  print(len(c.points), chairs, c.has_colors())\n"
+      "m = o.io.read_triangle_mesh('" +
+      folder +
+      "/m.ply')\n"
+      "print(len(m.triangles), m.has_vertex_colors(), m.is_edge_manifold())\"";
+  const ProgramResult read = shell(python + script + " 2>&1");
+  const auto classes = nlohmann::json::parse(call("map info " + saved.map + " --json").out);
+  const std::string cloud = std::to_string(classes["occupied"]["voxels"].get<int>()) + " " +
+                            std::to_string(classes["classes"]["chair"]["voxels"].get<int>()) + " True\n";
+  const std::string triangles = r.out.substr(0, r.out.find(' '));
+  CHECK(read.out == cloud + cloud + triangles + " True True\n");
 }
 
 TEST_CASE("map query answers about points, boxes, rays and obstacles, fine and coarse") {

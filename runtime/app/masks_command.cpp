@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "masks_command.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstddef>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <iostream>
+#include <optional>
+#include <string>
+#include <system_error>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/frame_pipe.hpp"
+#include "dynslam/runtime/io/frame_stream.hpp"
+#include "dynslam/runtime/io/image_io.hpp"
+#include "dynslam/runtime/io/sequence.hpp"
+#include "dynslam/runtime/io/time_stamp.hpp"
+#include "dynslam/runtime/nets/segmentation_stage.hpp"
+#include "dynslam/runtime/slam.hpp"
+#include "dynslam/runtime/slam/frame_preparation.hpp"
+#include "dynslam/runtime/stopwatch.hpp"
+#include "format_options.hpp"
+#include "progress_line.hpp"
+#include "segmentation_options.hpp"
+#include "validators.hpp"
+#include "warnings.hpp"
+
+namespace dynslam::app {
+namespace {
+
+namespace rt = dynslam::runtime;
+
+/// What is printed in the end.
+struct Count {
+  std::size_t frames = 0, tracked = 0;
+  rt::Stopwatch watch;
+};
+
+std::string masks_line(Count& count, const std::string& where) {
+  const double seconds = count.watch.lap_ms() / 1000;
+  return fmt::format("{} masks{}, {} of frames with a pose, {:.1f} frames/s\n", count.frames, where,
+                     count.tracked, seconds > 0 ? static_cast<double>(count.frames) / seconds : 0.0);
+}
+
+}  // namespace
+
+struct MasksCommand::Options {
+  CLI::App* command = nullptr;
+  std::string sequence, camera, format, topics;
+  double rate = 30;
+  std::filesystem::path out;
+  rt::SegmentationStageOptions network;
+  rt::SlamOptions slam;
+
+  [[nodiscard]] rt::SlamOptions slam_options() const;
+  void write(Count& count, const std::string& stamp, const rt::TrackResult& result) const;
+  void of_sequence(Count& count) const;
+  void of_pipe(Count& count) const;
+};
+
+MasksCommand::MasksCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
+  Options& o = *o_;
+  o.command = app.add_subcommand("masks", "Masks of what moves, and nothing else, for other systems");
+  o.command
+      ->add_option("sequence", o.sequence,
+                   "Sequence, as of run; or -: frames from the standard input (docs/mask-stream.md)")
+      ->required();
+  o.command->add_option("--out,-o", o.out,
+                        "Folder for the masks, <time stamp>.png (with -: in place of the standard output)");
+  add_camera_option(*o.command, o.camera);
+  add_format_options(*o.command, o.format, o.topics, o.rate);
+  add_segmentation_options(*o.command, o.network);
+  o.command->add_option("--seed", o.slam.seed, "Seed of every random choice")
+      ->capture_default_str()
+      ->check(whole());
+}
+
+MasksCommand::~MasksCommand() = default;
+
+bool MasksCommand::chosen() const {
+  return o_->command->parsed();
+}
+
+rt::SlamOptions MasksCommand::Options::slam_options() const {
+  rt::SlamOptions options = slam;
+  options.map = false;
+  if (!network.segmenter.model.empty()) {
+    options.dynamics = rt::DynamicsMode::both;
+    options.network = network;
+  }
+  return options;
+}
+
+void MasksCommand::Options::write(Count& count, const std::string& stamp,
+                                  const rt::TrackResult& result) const {
+  ++count.frames;
+  count.tracked += result.ok() ? 1 : 0;
+  if (!out.empty()) rt::write_image(out / (stamp + ".png"), result.dynamic_mask);
+}
+
+void MasksCommand::Options::of_sequence(Count& count) const {
+  if (out.empty()) throw rt::UsageError("masks of a sequence need --out, a folder");
+  rt::SequenceOptions reading;
+  reading.format = format;
+  reading.topics = topics;
+  reading.rate = rate;
+  reading.camera = camera;
+  const rt::Sequence frames = rt::load_sequence(sequence, reading);
+  warn(frames.notes);
+  const rt::CameraConfig config = rt::camera_of(frames, camera);
+  const rt::SlamOptions options = slam_options();
+  rt::Slam system(config, options);
+  rt::FramePreparation prepare(options.tracker);
+  rt::FrameStream stream(frames, config, {.prepare = std::ref(prepare)});
+  ProgressLine line;
+  while (const auto next = stream.next()) {
+    if (!next->frame) {
+      warn({next->error});
+      continue;
+    }
+    write(count, next->frame->stamp, system.track(*next->frame));
+    line.show(fmt::format("{}/{} frames", count.frames, frames.frames.size()));
+  }
+}
+
+void MasksCommand::Options::of_pipe(Count& count) const {
+  std::ios::sync_with_stdio(false);
+  if (!camera.empty())
+    throw rt::UsageError("the camera of frames from the standard input is its second line");
+  rt::FramePipe pipe(std::cin, "standard input");
+  rt::Slam system(pipe.camera(), slam_options());
+  std::optional<rt::MaskPipe> masks;
+  if (out.empty()) masks.emplace(stdout);
+  while (const auto frame = pipe.next()) {
+    const std::size_t number = pipe.frames();
+    const rt::TrackResult result = [&] {
+      try {
+        return system.track(frame->image, frame->depth, std::chrono::nanoseconds(frame->ns));
+      } catch (const rt::InputError& error) {
+        throw rt::InputError("standard input", 0, fmt::format("frame {}: {}", number, error.what()));
+      }
+    }();
+    write(count, rt::nanosecond_text(frame->ns), result);
+    if (masks) masks->put(frame->ns, result.ok(), result.dynamic_mask);
+  }
+}
+
+int MasksCommand::run() const {
+  const Options& o = *o_;
+  std::error_code error;
+  if (!o.out.empty()) std::filesystem::create_directories(o.out, error);
+  if (error) throw rt::InputError(o.out.string(), 0, "cannot be made: " + error.message());
+  Count count;
+  if (o.sequence == "-") {
+    o.of_pipe(count);
+  } else {
+    o.of_sequence(count);
+  }
+  if (count.frames == 0)
+    throw rt::InputError(o.sequence == "-" ? "standard input" : o.sequence, 0,
+                         "has no frame that can be read");
+  // The standard output is the masks' own where they have no folder.
+  (o.out.empty() ? std::cerr : std::cout) << masks_line(count, o.out.empty() ? "" : " in " + o.out.string());
+  return 0;
+}
+
+}  // namespace dynslam::app
