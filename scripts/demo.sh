@@ -72,7 +72,7 @@ echo
 printf '  %-42s %10s %10s %12s\n' "" "error" "mask IoU" "left in map"
 row "plain tracker, no masks (--dynamics none)" plain
 row "the paper's method (--method paper)" paper
-row "dynslam (the default)" dynslam
+row "dynslam (--dynamics both)" dynslam
 echo
 echo "  error: RMSE of the trajectory (ATE), one seed: millimetres between rows mean nothing. Left in map: 5 cm"
 echo "  voxels that only people or the box were seen in."
