@@ -77,8 +77,9 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
       "--body-pose", o.evaluation.body_pose,
       "The camera's pose on the body that the ground truth is of: a file with the four rows "
       "of a matrix, or tx ty tz qx qy qz qw");
-  o.trajectory->add_flag("--map", o.map,
-                         "Of a run's folder also: voxels of the map that hold what the sequence's dynamic_mask/ has");
+  o.trajectory->add_flag(
+      "--map", o.map,
+      "Of a run's folder also: voxels of the map that hold what the sequence's dynamic_mask/ has");
   o.trajectory->add_flag("--json", o.json, "Print JSON");
   o.masks = app.add_subcommand("eval-masks", "IoU, recall and precision of masks");
   o.masks->add_option("predicted", o.predicted, "Folder of PNG masks")->required();

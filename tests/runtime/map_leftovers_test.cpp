@@ -17,7 +17,8 @@ using namespace dynslam::runtime;
 
 namespace {
 
-/// A wall 1.5 m away, all of it in a map of 4 cm, seen from one place; its right half is called dynamic in frame 0.
+/// A wall 1.5 m away, all of it in a map of 4 cm, seen from one place; its right half is called dynamic in
+/// frame 0.
 struct HalfDynamicWall {
   test::TumFixture sequence;
   test::TemporaryFolder run;

@@ -57,7 +57,8 @@ void see(const RgbdFrame& frame, const cv::Mat& mask, const CameraConfig& camera
 
 }  // namespace
 
-MapLeftovers map_leftovers(const fs::path& run, const fs::path& sequence_path, const SequenceOptions& options) {
+MapLeftovers map_leftovers(const fs::path& run, const fs::path& sequence_path,
+                           const SequenceOptions& options) {
   const Sequence sequence = load_sequence(sequence_path, options);
   const fs::path masks = sequence.root / "dynamic_mask";
   if (!fs::is_directory(masks))
@@ -78,7 +79,8 @@ MapLeftovers map_leftovers(const fs::path& run, const fs::path& sequence_path, c
     if (std::abs(pose->t - record.t_rgb) > kSameTime || !fs::exists(file)) continue;
     const RgbdFrame frame = decode_frame(record, i, camera);
     const cv::Mat mask = read_image(file, cv::IMREAD_GRAYSCALE);
-    if (mask.size() != frame.depth.size()) throw InputError(file.string(), 0, "has another size than the depth image");
+    if (mask.size() != frame.depth.size())
+      throw InputError(file.string(), 0, "has another size than the depth image");
     see(frame, mask, camera, pose->T_w_c, *tree, seen);
     ++result.frames;
   }
@@ -91,8 +93,8 @@ nlohmann::json to_json(const MapLeftovers& leftovers) {
 }
 
 std::string to_text(const MapLeftovers& leftovers) {
-  return fmt::format("map: {} voxels of {:.0f} cm hold dynamic objects (true masks of {} frames)\n", leftovers.voxels,
-                     100 * leftovers.edge, leftovers.frames);
+  return fmt::format("map: {} voxels of {:.0f} cm hold dynamic objects (true masks of {} frames)\n",
+                     leftovers.voxels, 100 * leftovers.edge, leftovers.frames);
 }
 
 }  // namespace dynslam::runtime

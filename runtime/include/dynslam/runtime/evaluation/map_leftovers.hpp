@@ -19,9 +19,9 @@ struct MapLeftovers {
   double edge = 0;         ///< of a voxel [m]
 };
 
-/// Counts the occupied voxels of a run's map in which the sequence's true masks (`dynamic_mask/`) have dynamic
-/// pixels, placed by the run's own final poses, and in which no frame has a static one: feet stand on voxels
-/// that are the floor's.
+/// Counts the occupied voxels of a run's map in which the sequence's true masks (`dynamic_mask/`) have
+/// dynamic pixels, placed by the run's own final poses, and in which no frame has a static one: feet stand on
+/// voxels that are the floor's.
 /// @param run       folder of a run, with a map
 /// @param sequence  folder of the sequence
 /// @throws InputError  no map, no trajectory, no masks, unreadable images
