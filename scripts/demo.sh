@@ -31,14 +31,18 @@ rm -rf "$out"
 mkdir -p "$out"
 with_progress "rendering the office" "$out/synth.log" "$dynslam" synth "$out/sequence" --path xyz --seed 2
 
+# evaluate NAME: errors of its trajectory and masks, and what is left of people in its map
+evaluate() {
+  "$dynslam" eval "$out/$1" "$out/sequence" --map --json > "$out/$1/errors.json"
+  "$dynslam" eval-masks "$out/$1/masks" "$out/sequence/dynamic_mask" --json > "$out/$1/masks.json"
+}
 # compare NAME OPTIONS...: a run, and what it is like
 compare() {
   local name=$1
   shift
   with_progress "running $name" "$out/$name.log" \
     "$dynslam" run "$out/sequence" --out "$out/$name" --save-masks ${report[@]+"${report[@]}"} "$@"
-  "$dynslam" eval "$out/$name" "$out/sequence" --map --json > "$out/$name/errors.json"
-  "$dynslam" eval-masks "$out/$name/masks" "$out/sequence/dynamic_mask" --json > "$out/$name/masks.json"
+  with_progress "evaluating $name" "$out/$name.evaluation.log" evaluate "$name"
 }
 report=()  # the page of reports needs npm, as the build has said where there is none
 if [ -s "$build/share/dynslam/report/report.html" ]; then report=(--report); fi
