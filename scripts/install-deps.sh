@@ -6,10 +6,11 @@
 #
 #   scripts/install-deps.sh          everything: program, tests, benchmarks, second compiler
 #   scripts/install-deps.sh app      only what building and running the program needs
+#   scripts/install-deps.sh core     only what the headers need: a compiler, CMake, Ninja and Eigen
 set -euo pipefail
 
-app=(build-essential cmake ninja-build ccache curl ca-certificates
-  libeigen3-dev libopencv-dev liboctomap-dev libcli11-dev nlohmann-json3-dev libfmt-dev libjpeg-dev libdeflate-dev
+core=(build-essential cmake ninja-build libeigen3-dev)
+app=("${core[@]}" ccache curl ca-certificates libopencv-dev liboctomap-dev libcli11-dev nlohmann-json3-dev libfmt-dev libjpeg-dev libdeflate-dev
   libbz2-dev liblz4-dev libzstd-dev libsqlite3-dev file)  # file: cpack asks it which files are programs
 development=(git clang doctest-dev libbenchmark-dev libceres-dev libopencv-contrib-dev
   pkg-config python3 unzip doxygen libjs-mathjax parallel)
@@ -27,9 +28,10 @@ fail() {
 }
 
 case "${1:-all}" in
+  core) packages=("${core[@]}") optional_app=() ONNXRUNTIME=off ;;
   app) packages=("${app[@]}") ;;
   all) packages=("${app[@]}" "${development[@]}") ;;
-  *) fail "unknown argument '$1' (known: app, all)" ;;
+  *) fail "unknown argument '$1' (known: core, app, all)" ;;
 esac
 
 command -v apt-get > /dev/null && command -v dpkg-query > /dev/null ||

@@ -9,7 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/evaluation/map_leftovers.hpp"
 #include "dynslam/runtime/evaluation/mask_faults.hpp"
 #include "format_options.hpp"
 #include "progress_line.hpp"
@@ -35,6 +37,7 @@ struct EvaluateCommand::Options {
   runtime::EvaluationOptions evaluation;
   runtime::MaskOptions reading_masks, reading_truth;
   int widen = 0;
+  bool map = false;
   bool json = false;
 };
 
@@ -74,6 +77,9 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
       "--body-pose", o.evaluation.body_pose,
       "The camera's pose on the body that the ground truth is of: a file with the four rows "
       "of a matrix, or tx ty tz qx qy qz qw");
+  o.trajectory->add_flag(
+      "--map", o.map,
+      "Of a run's folder also: voxels of the map that hold what the sequence's dynamic_mask/ has");
   o.trajectory->add_flag("--json", o.json, "Print JSON");
   o.masks = app.add_subcommand("eval-masks", "IoU, recall and precision of masks");
   o.masks->add_option("predicted", o.predicted, "Folder of PNG masks")->required();
@@ -122,6 +128,16 @@ bool EvaluateCommand::chosen() const {
 
 int EvaluateCommand::run() const {
   const Options& o = *o_;
+  if (*o.trajectory && o.map) {
+    if (!std::filesystem::is_directory(o.estimate))
+      throw runtime::UsageError("--map needs the folder of a run, not a trajectory");
+    const auto report = runtime::evaluate_run(o.estimate, o.groundtruth, o.evaluation);
+    const auto leftovers = runtime::map_leftovers(o.estimate, o.groundtruth, o.evaluation.reading);
+    nlohmann::json j = runtime::to_json(report);
+    j["map"] = runtime::to_json(leftovers);
+    std::cout << (o.json ? j.dump() + "\n" : runtime::to_text(report) + runtime::to_text(leftovers));
+    return 0;
+  }
   if (*o.trajectory && std::filesystem::is_directory(o.estimate))
     return print(runtime::evaluate_run(o.estimate, o.groundtruth, o.evaluation), o.json);
   if (*o.trajectory)

@@ -43,6 +43,7 @@
 #include "dynslam/segment/mask_upsampling.hpp"
 #include "dynslam/segment/pixel_runs.hpp"
 #include "dynslam/segment/region_growing.hpp"
+#include "dynslam/segment/support_planes.hpp"
 #include "dynslam/segment/valid_depth_share.hpp"
 #include "dynslam/semantic/carried_labels.hpp"
 #include "dynslam/semantic/map_scan.hpp"
@@ -115,6 +116,20 @@ void masks_of(const ImageSet<S>& set, Record<double>& out) {
           connected_components(Kind::in(result), Connectivity::four, Kind::out(labels), counts));
   put_image(out, "labels", Kind::in(labels));
   out.put("same_size", same_size(Kind::in(in), Kind::in(result)));
+}
+
+template <std::floating_point S>
+void supports_of(const ImageSet<S>& set, Record<double>& out) {
+  Image<float> depth(kWidth, kHeight, 0.0F);
+  for (int v = 0; v < kHeight; ++v) {
+    for (int u = 0; u < kWidth; ++u) depth(u, v) = static_cast<float>(set.depth(u, v));
+  }
+  Image<int> plane;
+  SupportPlaneWorkspace workspace;
+  SupportPlaneOptions options;
+  options.area = 0.3;
+  split_supports(conformance_camera<Pinhole<float>>(), depth, RelativeStep<float>{}, options, plane, workspace);
+  out.put("split_supports", plane(60, 50));
 }
 
 template <class Kind, std::floating_point S>
@@ -258,6 +273,7 @@ template <class Kind, std::floating_point S>
   static const conformance::ImageSet<S> set;
   Record<double> out;
   conformance::masks_of<Kind>(set, out);
+  conformance::supports_of<S>(set, out);
   conformance::growing_of<Kind>(set, out);
   conformance::cells_of<Kind>(set, out);
   conformance::features_of<Kind>(set, out);

@@ -37,8 +37,8 @@ struct OutlineScene {
     history.check(grid, depth, smooth, t, SE3<S>(), evidence);
     history.remember(depth, t, SE3<S>(), still);
     t += 1 / 30.0;
-    watch_outlines(depth, evidence, RelativeStep<float>{0.03F, 0.01F}, FreeSpaceMargins<float>{}, options,
-                   ws);
+    const Image<int> no_plane(depth.width(), depth.height(), 0);
+    watch_outlines(depth, evidence, RelativeStep<float>{0.03F, 0.01F}, no_plane, FreeSpaceMargins<float>{}, options, ws);
   }
   /// The surface that holds a cell.
   [[nodiscard]] const SurfaceOutline& at(int u, int v) const {

@@ -24,7 +24,7 @@ struct SupportPlaneOptions {
   int least = 200;       ///< pixels of the smallest surface that is split
   double area = 1.0;     ///< of the smallest plane that supports others: no side of a person has as much [m^2]
   int planes = 3;        ///< of a surface, at most
-  int hypotheses = 100;   ///< by three pixels each: where half of the pixels are on the plane, 99.5 % find it
+  int hypotheses = 100;  ///< by three pixels each: of planes that a quarter of the pixels are on, 79 % are found in a frame
   int samples = 300;     ///< pixels that judge them
   float base = 0.03F, quad = 0.010F;  ///< a pixel at depth z is on the plane within base + quad z^2 [m, 1/m]
 };
@@ -84,8 +84,8 @@ inline InverseDepthPlane dominant_plane(const Image<float>& depth, std::span<con
 
 /// Numbers the planes that make up most of the connected surfaces of a depth image: floors, walls and tables. Depth does
 /// not break off where a person stands on a floor or a back touches a wall, but what is in contact with a plane is not
-/// on it. A surface whose pixels do not lie on a plane by more than half, and what is left of one that do, have
-/// 0; so has a plane that is no larger than what may stand on one.
+/// on it. What lies on no plane has 0, and so have planes of less than a
+/// quarter of their surface and those that are no larger than what may stand on one.
 /// @param pinhole  of the depth image: fx(), fy(), cx(), cy() [px]
 /// @param depth  [m], invalid = NaN or <= 0
 /// @param step   between pixels of one surface, as RelativeStep

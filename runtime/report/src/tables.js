@@ -11,6 +11,9 @@ const measures = [
 ];
 const figures = [['rmse', 'RMSE'], ['mean', 'mean'], ['median', 'median'], ['std', 'S.D.'], ['max', 'max']];
 
+// Share of the error below which a gain is within what another seed changes: such a gain is not shown.
+const spread = 0.2;
+
 export function nameOf(run, index) {
   return el('span', {}, swatch(runVariable(index)), run.name === run.mode ? run.name : `${run.name} (${run.mode})`);
 }
@@ -27,8 +30,9 @@ function errorTable([key, title, places]) {
       best: data.runs.length > 1 && run.table[key][figure] === best[figure],
       title: String(run.table[key][figure]),
     });
-    const gain = compared && run !== base && given(run)
-      ? `${(100 * (base.table[key].rmse - run.table[key].rmse) / base.table[key].rmse).toFixed(1)} %` : null;
+    const share = compared && run !== base && given(run)
+      ? (base.table[key].rmse - run.table[key].rmse) / base.table[key].rmse : 0;
+    const gain = Math.abs(share) >= spread ? `${(100 * share).toFixed(0)} %` : null;
     return [nameOf(run, index), ...cells, ...(compared ? [gain] : [])];
   });
   return table(title, ['run', ...figures.map(([, name]) => name), ...(compared ? ['RMSE gain'] : [])], rows);
@@ -55,12 +59,20 @@ function problems() {
       (run.summary.problem_count > run.summary.problems.length ? '\n... summary.json has them all' : ''))));
 }
 
+function meaning() {
+  return el('p', { className: 'small' },
+    'The absolute trajectory error (ATE) is the distance between estimated and true positions after the two trajectories ' +
+    'are laid on each other; the relative pose error (RPE) is that of the motion over one second, which does not add up ' +
+    'over time. Read both together with the coverage: a frame without a pose is in no error. Mode none masks nothing.');
+}
+
 export function tables() {
   const notes = data.runs.filter((run) => run.why).map((run) =>
     el('p', { className: 'small soft' }, `${run.name}: ${run.why}`));
   const gain = el('p', { className: 'small soft' },
-    'RMSE gain: improvement over the run without masks (Eq 13). Bold: the best of a column.');
+    `RMSE gain: improvement over the run without masks (Eq 13), where it is at least ${100 * spread} %: less is what another ` +
+    'seed changes. Bold: the best of a column.');
   const any = data.runs.some((run) => run.table);
-  return section('errors', 'Errors', any ? el('div', { className: 'side' }, measures.map(errorTable)) : null, any && data.runs.length > 1 ? gain : null,
+  return section('errors', 'Errors', any ? meaning() : null, any ? el('div', { className: 'side' }, measures.map(errorTable)) : null, any && data.runs.length > 1 ? gain : null,
     runTable(), notes, problems());
 }

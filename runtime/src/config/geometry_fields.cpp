@@ -162,6 +162,16 @@ void list(FieldList& f, MovedOutlineOptions& o) {
   f("beside", o.beside, "cells", "beside an outline in which what has gone or come is looked for", kCount);
 }
 
+void list(FieldList& f, SupportPlaneOptions& o) {
+  f("area", o.area, "m^2", "of the smallest plane that is a surface apart from what stands on it", kPositive);
+  f("least", o.least, "cells", "size of the smallest surface that is split", from(3));
+  f("planes", o.planes, "", "planes of a surface at most; 0: none is split off", kCount);
+  f("hypotheses", o.hypotheses, "", "planes that are tried", kCount);
+  f("samples", o.samples, "cells", "that judge them", from(3));
+  f("base", o.base, "m", "distance along the ray within which a cell at depth z is on a plane: base + quad z^2", kNotNegative);
+  f("quad", o.quad, "1/m", "see base", kNotNegative);
+}
+
 void list(FieldList& f, SurfaceEvidenceOptions& o) {
   f("share", o.share, "", "share by which more of a surface must have moved than of the others", between(0, 2));
   f("slope", o.slope, "", "log-likelihood ratio per share beyond that", kNotNegative);
@@ -178,6 +188,7 @@ void list(FieldList& f, MotionBeliefOptions& o) {
   f("max_hole", o.max_hole, "cells", "size up to which a hole in a dynamic region is filled", kCount);
   f.table("free_space", o.free_space);
   f.table("keypoints", o.keypoints);
+  f.table("supports", o.supports);
   f.table("outlines", o.outlines);
   f.table("surfaces", o.surfaces);
   f.table("pooling", o.pooling);
