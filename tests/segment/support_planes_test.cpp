@@ -81,8 +81,8 @@ TEST_CASE("a plane that is no larger than a person is no support") {
     for (int u = 0; u < kW; ++u) CHECK(plane(u, v) == 0);
   }
   SupportPlaneOptions smaller;
-  smaller.area = 0.8;
-  CHECK(planes_of(board, smaller)(80, 70) == 1);
+  smaller.area = 0.4;
+  CHECK(planes_of(board, smaller)(80, 40) == 1);
 }
 
 TEST_CASE("the same image has the same planes every time, and one without depth has none") {

@@ -22,10 +22,13 @@ struct RemovedField {
   std::string_view name, reason;
 };
 constexpr std::string_view kBelief = "one belief of motion took its place, see [tracker.geometry.belief]";
+constexpr std::string_view kMargin = "masks have a margin instead, see [tracker.geometry] margin";
 constexpr std::array kRemoved{
     RemovedField{"tracker.geometry.growing.whole", kBelief},
     RemovedField{"tracker.geometry.growing.was", kBelief},
     RemovedField{"tracker.geometry.growing.still", kBelief},
+    RemovedField{"tracker.vanished_piece", "a mask that is gone for a frame does no harm since movers are beliefs"},
+    RemovedField{"tracker.search.behind", "what lies behind is followed where most of it contradicts the pose"},
 };
 /// The same of whole tables.
 constexpr std::array kRemovedTables{
@@ -33,6 +36,8 @@ constexpr std::array kRemovedTables{
     RemovedField{"tracker.geometry.free_space.margins", kBelief},
     RemovedField{"tracker.geometry.keypoint_seeds", kBelief},
     RemovedField{"tracker.geometry.outlines", kBelief},
+    RemovedField{"tracker.geometry.delay", kMargin},
+    RemovedField{"tracker.geometry.delay.edge", kMargin},
 };
 
 /// ", did you mean NAME?", or nothing.
