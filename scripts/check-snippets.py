@@ -47,8 +47,10 @@ class Compiler:
     def __init__(self, arguments, root):
         self.command = [arguments.compiler, "-fsyntax-only", "-Wall", "-Wno-unused", "-I",
                         str(root / "tests/support/snippets")]
-        self.core = [word for folder in arguments.include for word in ("-isystem", folder)]
-        self.runtime = [word for folder in arguments.runtime for word in ("-isystem", folder)]
+        self.core = [word for folder in arguments.include for word in ("-isystem", folder)
+                     if folder != "/usr/include"]  # the compiler's own, which has a place of its own
+        self.runtime = [word for folder in arguments.runtime for word in ("-isystem", folder)
+                        if folder != "/usr/include"]
 
     def faults(self, page, number, block, folder):
         first = block.splitlines()[0]

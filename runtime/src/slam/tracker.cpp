@@ -184,7 +184,7 @@ SE3<double> Tracker::predicted_pose() const {
 }
 
 bool Tracker::locate(Present& now) {
-  return locate_by_features(now) || (!now.plain && locate_by_alignment(now, options_.search.min_inliers));
+  return locate_by_features(now) || (!now.plain && locate_by_alignment(now, options_.search.weak_inliers));
 }
 
 bool Tracker::locate_by_features(Present& now) {
