@@ -117,11 +117,11 @@ void split_supports(const Pinhole& pinhole, const Image<float>& depth, const Ste
         double cubes = 0;
         for (const PixelIndex& p : ws.rest) {
           if (off(p)) continue;
-          const double z = depth(p.u, p.v);
+          const auto z = static_cast<double>(depth(p.u, p.v));
           ++on;
           cubes += z * z * z;
         }
-        if (4 * on < ws.rest.size() || cubes * double(found.area_at_one(pinhole)) < options.area) break;
+        if (4 * on < ws.rest.size() || cubes * static_cast<double>(found.area_at_one(pinhole)) < options.area) break;
         ++planes;
         std::erase_if(ws.rest, [&](const PixelIndex& p) {
           if (off(p)) return false;

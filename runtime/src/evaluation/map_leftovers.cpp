@@ -40,7 +40,7 @@ void see(const RgbdFrame& frame, const cv::Mat& mask, const CameraConfig& camera
          const interop::SemanticOcTree& tree, SeenVoxels& seen) {
   for (int v = 0; v < frame.depth.rows; v += kPixelStep) {
     for (int u = 0; u < frame.depth.cols; u += kPixelStep) {
-      const double z = frame.depth.at<float>(v, u);
+      const auto z = static_cast<double>(frame.depth.at<float>(v, u));
       if (!is_valid_depth(z)) continue;
       const auto p_c = camera.model.unproject({u, v}, z);
       if (!p_c) continue;
