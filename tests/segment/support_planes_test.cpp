@@ -51,7 +51,7 @@ Image<int> planes_of(const Room& room, const SupportPlaneOptions& options = {}) 
 
 }  // namespace
 
-TEST_CASE("what stands on a floor is not on its plane, though depth does not break off there") {
+TEST_CASE("an object on a floor is not on its plane, though depth is continuous there") {
   const Room room(0.5, 1.2);
   const Image<int> plane = planes_of(room);
   int floor = 0, on_plane = 0, box = 0, taken = 0;

@@ -81,11 +81,11 @@ class MotionSegmenter {
                            OnStage&& on_stage = {}) {
     segmented_ = false;
     if (!accept_size(gray, depth, prior)) return motion_.refuse(MotionStatus::size_mismatch);
-    if (!std::isfinite(t) || (last_ && !(t > last_->t))) return motion_.refuse(MotionStatus::time_not_later);
+    if (!std::isfinite(t) || (last_t_ && !(t > *last_t_))) return motion_.refuse(MotionStatus::time_not_later);
     motion_.status = MotionStatus::ok;
     motion_.matches.clear();
     t_ = t;
-    look_at(gray);
+    pyramid_.build(gray, options_.reference.levels);
     reference_.track(rolling(), pyramid_, T_c_w, prior, options_.reference, matches_);
     on_stage(MotionStage::matching);
     judge_matches(depth, T_c_w);
@@ -129,7 +129,7 @@ class MotionSegmenter {
       located.status = PoseConsensusStatus::bad_input;
       return located;
     }
-    look_at(gray);
+    pyramid_.build(gray, options_.reference.levels);
     for (int round = 0; round < options_.locating.rounds; ++round) {
       reference_.track(rolling(), pyramid_, located.T_c_w, prior, options_.reference, matches_);
       const PoseConsensusResult<S> next =
@@ -163,8 +163,7 @@ class MotionSegmenter {
   template <LabelImage M>
   void remember(const SE3<S>& T_c_w, const M& mask) {
     if (!std::exchange(segmented_, false)) return;
-    remembered_ = true;
-    last_ = {t_, T_c_w, shutter_};
+    last_t_ = t_;
     if (options_.method == Method::full) belief_.remember(grid_, depth_, t_, depth_pose(T_c_w), mask);
     const bool wanted =
         reference_.empty() || t_ - reference_t_ >= options_.own_reference.max_age || reference_worn();
@@ -175,15 +174,14 @@ class MotionSegmenter {
   void clear() {
     belief_.clear();
     reference_ = {};
-    last_.reset();
-    remembered_ = segmented_ = false;
+    last_t_.reset();
+    segmented_ = false;
   }
 
   /// Moves what is remembered with a correction of the map (after a loop or an adjustment):
   /// new T_c_w = old T_c_w D.
   void follow(const SE3<S>& D) {
     belief_.follow(D);
-    if (last_) last_->T_c_w = last_->T_c_w * D;
     reference_.place(reference_.T_c_w() * D);
   }
 
@@ -211,25 +209,12 @@ class MotionSegmenter {
   [[nodiscard]] int surface(float u, float v) const { return at_pixel(belief_.surface(), u, v); }
 
  private:
-  struct LastFrame {
-    double t;
-    SE3<S> T_c_w;
-    RollingShutter<S> shutter;
-  };
-
   /// What an image of cells has at a pixel; 0 where it has nothing.
   template <class T>
   [[nodiscard]] T at_pixel(const Image<T>& cells, float u, float v) const {
     if (cells.width() == 0) return T(0);
     const int c = grid_.cell_at(u, v);
     return c >= 0 ? cells.data()[c] : T(0);
-  }
-
-  /// A frame that was remembered is the last one from then on.
-  template <class G>
-  void look_at(const G& gray) {
-    if (std::exchange(remembered_, false)) std::swap(last_pyramid_, pyramid_);
-    pyramid_.build(gray, options_.reference.levels);
   }
 
   template <class G, class D, class M>
@@ -295,13 +280,12 @@ class MotionSegmenter {
   Camera camera_;
   Options options_;
   DepthGrid grid_;
-  HalvingPyramid<std::uint8_t> pyramid_, last_pyramid_;  // of the frames last segmented and last remembered,
-  bool remembered_ = false;                              // which may be the same
+  HalvingPyramid<std::uint8_t> pyramid_;  // of the frame last segmented
   std::optional<SE3<S>> T_depth_c_;  // of the next frame: where depth is taken
   RollingShutter<S> shutter_;        // and how the camera moves meanwhile
   double t_ = 0;                     // of the frame last segmented [s]
   bool segmented_ = false;           // and not yet remembered
-  std::optional<LastFrame> last_;    // remembered
+  std::optional<double> last_t_;     // of the frame last remembered [s]
   ReferenceKeyframe<S> reference_;
   double reference_t_ = 0;  // when its frame was taken [s]
   std::vector<KeypointMatch<S>> matches_;

@@ -82,17 +82,16 @@ inline InverseDepthPlane dominant_plane(const Image<float>& depth, std::span<con
 }
 }  // namespace detail
 
-/// Numbers the planes that make up most of the connected surfaces of a depth image: floors, walls and tables. Depth does
-/// not break off where a person stands on a floor or a back touches a wall, but what is in contact with a plane is not
-/// on it. What lies on no plane has 0, and so have planes of less than a
-/// quarter of their surface and those that are no larger than what may stand on one.
+/// Numbers the large planes of a depth image's connected surfaces: floors, walls and tables. Depth is continuous where a
+/// person stands on a floor or a back touches a wall, but what touches a plane does not lie on it.
 /// @param pinhole  of the depth image: fx(), fy(), cx(), cy() [px]
-/// @param depth  [m], invalid = NaN or <= 0
-/// @param step   between pixels of one surface, as RelativeStep
-/// @param plane  out: number of its pixel's plane, from 1; 0: none
+/// @param depth    [m], invalid = NaN or <= 0
+/// @param step     between pixels of one surface, as RelativeStep
+/// @param plane    out: number of its pixel's plane, from 1; 0: none, or one that holds less than a quarter of what is left
+///                 of its surface or is smaller than `options.area`
 template <class Pinhole, class Step>
-void split_supports(const Pinhole& pinhole, const Image<float>& depth, const Step& step, const SupportPlaneOptions& options, Image<int>& plane,
-                    SupportPlaneWorkspace& ws) {
+void split_supports(const Pinhole& pinhole, const Image<float>& depth, const Step& step,
+                    const SupportPlaneOptions& options, Image<int>& plane, SupportPlaneWorkspace& ws) {
   const detail::NoBarrier nowhere;
   detail::GrowingField field(depth, nowhere, step, ws.growing.words);
   plane.resize(depth.width(), depth.height());

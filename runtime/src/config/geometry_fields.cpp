@@ -163,7 +163,7 @@ void list(FieldList& f, MovedOutlineOptions& o) {
 }
 
 void list(FieldList& f, SupportPlaneOptions& o) {
-  f("area", o.area, "m^2", "of the smallest plane that is a surface apart from what stands on it", kPositive);
+  f("area", o.area, "m^2", "of the smallest plane that is a surface apart from the objects on it", kPositive);
   f("least", o.least, "cells", "size of the smallest surface that is split", from(3));
   f("planes", o.planes, "", "planes of a surface at most; 0: none is split off", kCount);
   f("hypotheses", o.hypotheses, "", "planes that are tried", kCount);

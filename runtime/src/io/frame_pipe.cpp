@@ -24,7 +24,7 @@ constexpr std::array<char, 4> kFrameMark{'F', 'R', 'M', 'E'}, kMaskMark{'M', 'A'
 enum class PipedColour : std::uint8_t { bgr, rgb, grey, file };
 enum class PipedDepth : std::uint8_t { uint16, float32, file };
 
-/// What stands before a frame's images, in this order without gaps.
+/// The header of a frame, in this order without gaps.
 struct FrameHead {
   std::array<char, 4> mark;
   std::int64_t ns;

@@ -221,7 +221,7 @@ void Tracker::pose_without_movers(Present& now) {
     now.result.covariance = fused.pose.covariance;
     take_turn(now, fused.pose.turn);
   }
-  // Matches on a mask may serve the pose, and what it shows move all the same.
+  // That matches on a mask are used for the pose does not mean that what it shows is static.
   cv::bitwise_or(now.result.dynamic_mask, now.moving, now.result.dynamic_mask);
   if (fused.mask < masks.size()) return;
   for (std::size_t i = 0; i < frame.dynamic.size(); ++i) {  // what nothing speaks for makes no points

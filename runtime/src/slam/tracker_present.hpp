@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <opencv2/core.hpp>
@@ -37,7 +35,7 @@ struct Tracker::Present {
   const Masks* prior = nullptr;  // where it is used
   cv::Mat semantic;              // a-priori mask with its margin; empty: none that is believed
   bool covers_view = false;      // it leaves next to nothing
-  cv::Mat foreground;            // where the pose was found to follow what stands before the room; else empty
+  cv::Mat foreground;            // CV_8UC1, where the pose was found to follow it; else empty
   cv::Mat moving;                // what the geometry found, in the depth image
   cv::Mat moving_widened;        // with its margin
   TrackResult result;
