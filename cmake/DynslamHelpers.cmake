@@ -62,6 +62,33 @@ function(dynslam_add_interop name)
   target_link_libraries(dynslam_${name} INTERFACE dynslam::core ${ARGN})
 endfunction()
 
+# What nearly every source of the runtime and of the tools reads.
+set(dynslam_precompiled_runtime <Eigen/Dense> <fmt/format.h> <opencv2/core.hpp> <opencv2/imgproc.hpp> <algorithm>
+  <array> <filesystem> <functional> <map> <memory> <optional> <span> <string> <vector>)
+
+# dynslam::NAME, a static library of the sources in src/FOLDER and the headers in include/dynslam/runtime/FOLDER
+# for each of FOLDERS, below the directory at hand. It sees the headers beside its sources and those in PRIVATE_INCLUDES.
+function(dynslam_add_library name)
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "FOLDERS;HEADERS;PRIVATE_INCLUDES;LINK")
+  set(headers ${arg_HEADERS})
+  set(sources)
+  foreach(folder IN LISTS arg_FOLDERS)
+    file(GLOB_RECURSE found CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/include/dynslam/runtime/${folder}/*.hpp)
+    list(APPEND headers ${found})
+    file(GLOB_RECURSE found CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/src/${folder}/*.cpp)
+    list(APPEND sources ${found})
+  endforeach()
+  add_library(dynslam_${name} STATIC ${sources})
+  add_library(dynslam::${name} ALIAS dynslam_${name})
+  set_target_properties(dynslam_${name} PROPERTIES EXPORT_NAME ${name})
+  target_sources(dynslam_${name} PUBLIC FILE_SET HEADERS BASE_DIRS include FILES ${headers})
+  target_include_directories(dynslam_${name} PRIVATE src ${arg_PRIVATE_INCLUDES})
+  target_compile_definitions(dynslam_${name} PRIVATE DYNSLAM_VERSION="${PROJECT_VERSION}")
+  target_link_libraries(dynslam_${name} ${arg_LINK} PRIVATE fmt::fmt)
+  dynslam_warnings(dynslam_${name})
+  dynslam_precompile(dynslam_${name} ${dynslam_precompiled_runtime})
+endfunction()
+
 # Installs targets with their headers as component dynslam_NAME, each exported as dynslam::(its name).
 function(dynslam_install name)
   install(TARGETS ${ARGN} EXPORT dynslam-${name} COMPONENT dynslam_${name}

@@ -7,7 +7,7 @@
 #  - inside the core in one direction: config and wide_vectors <- concepts <- image, geometry, robust <- the other folders;
 #  - interop headers: the core and one library, never the runtime;
 #  - the umbrella header dynslam.hpp: every header of the core;
-#  - every header, those of the runtime, too: push_macros.hpp first, pop_macros.hpp last.
+#  - every header, those of runtime/ and tools/, too: push_macros.hpp first, pop_macros.hpp last.
 # Each fault is one line, FILE:LINE: reason. With EXPECT_FAULTS=n exactly n faults are a success.
 cmake_minimum_required(VERSION 3.24)
 
@@ -83,7 +83,7 @@ foreach(header IN LISTS headers)
   endforeach()
 endforeach()
 
-file(GLOB_RECURSE runtime_headers ${ROOT}/runtime/include/dynslam/*.hpp)
+file(GLOB_RECURSE runtime_headers ${ROOT}/runtime/include/dynslam/*.hpp ${ROOT}/tools/include/dynslam/*.hpp)
 foreach(header IN LISTS headers runtime_headers)
   if(header MATCHES "/(push|pop)_macros\\.hpp$")
     continue()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# The page that `--report` puts runs into: scripts of runtime/report with libraries from npm, as one HTML file beside the
+# The page that `--report` puts runs into: scripts of tools/report with libraries from npm, as one HTML file beside the
 # program. DYNSLAM_REPORT says whether; without npm or a registry AUTO builds the program without it.
 set(dynslam_report OFF)
 if(PROJECT_IS_TOP_LEVEL)
@@ -28,7 +28,7 @@ function(dynslam_add_report program)
   if(NOT dynslam_report)
     return()
   endif()
-  set(source ${PROJECT_SOURCE_DIR}/runtime/report)
+  set(source ${PROJECT_SOURCE_DIR}/tools/report)
   set(work ${PROJECT_BINARY_DIR}/report)
   set(page ${work}/report.html)
   if(EXISTS ${page})  # an empty one was left by a build that could not make it

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# Makes the page of reports, WORK/report.html, out of SOURCE (runtime/report): `npm ci` by its lock file, where that has
+# Makes the page of reports, WORK/report.html, out of SOURCE (tools/report): `npm ci` by its lock file, where that has
 # changed since the last time, and esbuild. Where it cannot be made and REQUIRED is off, the file is left empty and the
 # reason said: the program answers --report with an error then. With TO instead of SOURCE, puts the page there unless
 # it is empty.

@@ -24,7 +24,7 @@ def anchors(page):
 
 def main():
     root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent).resolve()
-    pages = [page for pattern in ("*.md", "docs/**/*.md", "bench/*.md", "models/*.md", "examples/*.md", "tools/*.md")
+    pages = [page for pattern in ("*.md", "docs/**/*.md", "bench/*.md", "models/*.md", "examples/*.md")
              for page in sorted(root.glob(pattern))]
     faults = 0
     for page in pages:

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# Says which files of include/, runtime/, examples/ and bench/ are longer than 400 lines, without the includes that
+# Says which files of include/, runtime/, tools/, examples/ and bench/ are longer than 400 lines, without the includes that
 # begin and end every header (push_macros.hpp, pop_macros.hpp), and which functions longer than 80; exits with 1 where there are any. It reads the layout that clang-format gives: a function begins with a
 # line that is indented less than what follows and ends in "{", and ends with a "}" of the same indentation.
 #
@@ -11,7 +11,7 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 max_file=${MAX_FILE:-400} max_function=${MAX_FUNCTION:-80}
-[ $# -gt 0 ] || set -- include runtime examples bench
+[ $# -gt 0 ] || set -- include runtime tools examples bench
 
 faults=$(find "$@" -name '*.hpp' -o -name '*.cpp' | sort | xargs awk -v max_file="$max_file" -v max_function="$max_function" '
   function report(text) { print text }

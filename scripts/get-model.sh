@@ -48,6 +48,6 @@ else
   echo "get-model: first download of $file: its SHA-256 $found is kept in $kept and compared from now on" >&2
 fi
 mkdir -p "$(dirname "$out")"
-"$python" tools/export_maskrcnn.py --weights "$work/$file" --out "$out"
+"$python" models/export_maskrcnn.py --weights "$work/$file" --out "$out"
 echo "$found  $file" > "$kept"
 echo "get-model: run it with --model $out"

@@ -325,7 +325,7 @@ TEST_CASE("runs at the same time share a folder of cached masks") {
 }
 
 TEST_CASE("torchvision's Mask R-CNN answers as in torchvision: boxes, scores and masks of a small one") {
-  // Made by tools/export_maskrcnn.py --tiny, which also wrote what torchvision itself said of this picture.
+  // Made by models/export_maskrcnn.py --tiny, which also wrote what torchvision itself said of this picture.
   const auto data = std::filesystem::path(DYNSLAM_SOURCE) / "tests" / "data";
   if (!has_onnxruntime()) {
     MESSAGE("skipped: built without ONNX Runtime, and OpenCV's dnn does not load this graph");

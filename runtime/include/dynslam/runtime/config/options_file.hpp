@@ -17,7 +17,7 @@
 #include <variant>
 #include <vector>
 
-#include "dynslam/runtime/run/run_sequence.hpp"
+#include "dynslam/runtime/config/run_options.hpp"
 
 namespace dynslam::runtime {
 

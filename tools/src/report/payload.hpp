@@ -11,7 +11,7 @@
 #include "dynslam/runtime/io/sequence.hpp"
 #include "report/run_folder.hpp"
 
-/// What a report holds, part by part, as the page's scripts read it (runtime/report/src/). Times are seconds
+/// What a report holds, part by part, as the page's scripts read it (tools/report/src/). Times are seconds
 /// since the first frame, lengths metres, angles degrees; numbers are rounded to what a page can show.
 namespace dynslam::runtime::reporting {
 

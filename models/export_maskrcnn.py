@@ -4,8 +4,8 @@
 
 Needs Debian's python3-torch and python3-torchvision.
 
-  tools/export_maskrcnn.py --weights maskrcnn_resnet50_fpn_coco-bf2d0c1e.pth --out maskrcnn.onnx
-  tools/export_maskrcnn.py --tiny --out tests/data/tiny_maskrcnn.onnx --golden tests/data/tiny_maskrcnn.txt
+  models/export_maskrcnn.py --weights maskrcnn_resnet50_fpn_coco-bf2d0c1e.pth --out maskrcnn.onnx
+  models/export_maskrcnn.py --tiny --out tests/data/tiny_maskrcnn.onnx --golden tests/data/tiny_maskrcnn.txt
 
 Without --weights the network has seeded random weights: useful for tests only. --golden also writes what
 torchvision itself answers to a picture that tests can make again.

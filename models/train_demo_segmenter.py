@@ -4,7 +4,7 @@
 
 Needs Debian's python3-torch, python3-numpy and python3-pil, and the dynslam program:
 
-  tools/train_demo_segmenter.py --program build/release/bin/dynslam --out models/demo_segmenter.onnx
+  models/train_demo_segmenter.py --program build/release/bin/dynslam --out models/demo_segmenter.onnx
 
 Renders sequences of the seeds 100 and up (the demo and the tests use small seeds), trains on the CPU, and
 prints the intersection over union per class on sequences of seeds that were not trained on. Everything is

@@ -7,7 +7,7 @@
 /// What views are drawn with.
 namespace dynslam::runtime::viewing {
 
-/// Red, green, blue as a report's style sheet has them in the dark scheme (runtime/report/src/style.css).
+/// Red, green, blue as a report's style sheet has them in the dark scheme (tools/report/src/style.css).
 inline cv::Scalar rgb(unsigned code) {
   return cv::Scalar(code & 255U, code >> 8U & 255U, code >> 16U & 255U);
 }
