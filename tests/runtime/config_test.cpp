@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "config/field_list.hpp"
 #include "dynslam/runtime/config/options_file.hpp"
 #include "error_text.hpp"
 #include "run_fixture.hpp"
@@ -119,8 +120,49 @@ TEST_CASE("a printed configuration reads back the same: defaults, and every fiel
   }
   read.read(config_file(changed.fields));
   check_equal(read, changed);
-  read.read(config_file(defaults.fields));
-  check_equal(read, defaults);
+  Configured again;
+  again.read(config_file(defaults.fields));
+  check_equal(again, defaults);
+}
+
+TEST_CASE("at most 60 fields are a user's, each of them exists, and a file of defaults names no other one") {
+  const Configured c;
+  std::set<std::string> user, tuning;
+  for (const ConfigField& field : c.fields) (field.tuning ? tuning : user).insert(field.name());
+  CHECK(user.size() <= 60);
+  CHECK(tuning.size() > 200);
+  const auto names = config::user_field_names();
+  CHECK(user == std::set<std::string>(names.begin(), names.end()));
+  CHECK(names.size() == user.size());
+
+  const auto names_in = [](const std::string& text) {
+    std::set<std::string> found;
+    std::istringstream in(text);
+    std::string table;
+    for (std::string line; std::getline(in, line);) {
+      if (line.starts_with('[')) table = line.substr(1, line.size() - 2);
+      if (const auto equals = line.find(" = "); equals != std::string::npos && !line.starts_with('#'))
+        CHECK(found.insert(table + '.' + line.substr(0, equals)).second);
+    }
+    return found;
+  };
+  CHECK(names_in(config_file(c.fields)) == user);
+  CHECK(names_in(tuning_file(c.fields)) == tuning);
+  CHECK(mentions(tuning_file(c.fields), "no promise"));
+}
+
+TEST_CASE("of the tuning fields, a run's configuration holds those that differ from their defaults") {
+  Configured c, read;
+  c.read("[tracker.search]\nmin_inliers = 31\nmax_turn = 7.5\n[tracker.features]\nlevels = 8\n");
+  const std::string text = config_file(c.fields);
+  CHECK(mentions(text, "\nmin_inliers = 31\n"));
+  CHECK_FALSE(mentions(text, "\nlevels = "));  // its default
+  CHECK_FALSE(mentions(text, "\nweak_inliers = "));
+  CHECK(text.find("\nmax_turn = 7.5\n") < text.find("# -- tuning fields"));
+  CHECK(text.find("# -- tuning fields") < text.find("\nmin_inliers = 31\n"));
+  CHECK(text.find("[tracker.search]") == text.rfind("[tracker.search]"));  // TOML allows a table once
+  read.read(text);
+  check_equal(read, c);
 }
 
 TEST_CASE("fields of earlier versions have no effect, and a line says so") {

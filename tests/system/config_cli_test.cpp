@@ -18,6 +18,11 @@ TEST_CASE("dynslam config prints a file that it reads as the same, with options 
   const std::string path = folder.path.string(), file = path + "/c.toml", other = path + "/d.toml";
   REQUIRE(test::shell(std::string(DYNSLAM_PROGRAM) + " config > " + file).code == 0);
   CHECK(call("config " + file).out == bytes(file));
+  CHECK_FALSE(mentions(bytes(file), "min_inliers"));
+  REQUIRE(test::shell(std::string(DYNSLAM_PROGRAM) + " config --tuning > " + other).code == 0);
+  CHECK(mentions(bytes(other), "no promise"));
+  CHECK(mentions(bytes(other), "\nmin_inliers = 25\n"));
+  CHECK(call("config " + other).out == bytes(file));  // all of them have their defaults
   std::ofstream(other) << "[run]\nmax-frames = 3\nsave-masks = true\nfeatures = 600\ndynamics = none\n"
                           "[tracker.features]\nfeatures = 700\nlevels = 6\n[eval]\njson = true\n";
   const test::ProgramResult shown = call("config " + other);
@@ -25,6 +30,7 @@ TEST_CASE("dynslam config prints a file that it reads as the same, with options 
   for (const char* line : {"\nmax_frames = 3\n", "\nsave_masks = true\n", "\nfeatures = 600\n",
                            "\nlevels = 6\n", "\ndynamics = \"none\"\n"})
     CHECK(mentions(shown.out, line));
+  CHECK(mentions(call("config --tuning " + other).out, "\nlevels = 6\n"));
   CHECK(mentions(call("eval --config " + other + " " + file + " " + file).out, "c.toml:3: expected 8"));
 
   std::ofstream(other) << "[tracker.pose]\nnu = 5\nnnu = 5\n";

@@ -8,13 +8,15 @@ namespace dynslam::app {
 ConfigCommand::ConfigCommand(CLI::App& app, const RunCommand& run)
     : run_(run),
       command_(app.add_subcommand("config",
-                                  "Print every field of the configuration: default, unit, meaning, range")) {
+                                  "Print the configuration of a run: fields with unit, meaning, range")) {
   command_->add_option("file", file_, "Check this file, and print the configuration of a run with it");
+  command_->add_flag("--tuning", tuning_,
+                     "Print all thresholds instead, for experiments: no version promises to keep them");
 }
 
 int ConfigCommand::run() const {
   run_.finish_options();
-  std::cout << runtime::config_file(run_.fields());
+  std::cout << (tuning_ ? runtime::tuning_file(run_.fields()) : runtime::config_file(run_.fields()));
   return 0;
 }
 

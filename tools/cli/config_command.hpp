@@ -8,7 +8,7 @@
 
 namespace dynslam::app {
 
-/// `dynslam config`: prints the configuration file with all fields.
+/// `dynslam config`: prints the configuration file of a run, or all tuning fields.
 class ConfigCommand {
  public:
   /// @param run  whose options they are
@@ -21,6 +21,7 @@ class ConfigCommand {
   const RunCommand& run_;
   CLI::App* command_;
   std::string file_;  // for --help: see arguments()
+  bool tuning_ = false;
 };
 
 }  // namespace dynslam::app

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The file of all fields, written and read.
+// Files of fields, written and read.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -173,18 +173,53 @@ std::string comment(const ConfigField& field) {
   return result + "# " + text + '\n';
 }
 
+/// "tracker.search.min_inliers = 25"
+std::string line_of(const ConfigField& field) {
+  return field.name() + " = " + config_text(field);
+}
+
+/// The tables that have fields of either kind: those of the first, then those of the second as tuning fields.
+template <class First, class Second>
+std::string tables_text(const ConfigFields& fields, First first, Second second) {
+  std::string text;
+  for (const std::string& table : tables_of(fields)) {
+    std::string own, tuned;
+    for (const ConfigField& field : fields) {
+      if (field.table != table) continue;
+      const auto lines = [&] {
+        return fmt::format("{}{} = {}\n", comment(field), field.key, config_text(field));
+      };
+      if (first(field)) own += lines();
+      if (second(field)) tuned += lines();
+    }
+    if (own.empty() && tuned.empty()) continue;
+    text += fmt::format("\n[{}]\n{}", table, own);
+    if (!tuned.empty()) text += "# -- tuning fields that differ from their defaults: no promise\n" + tuned;
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string config_file(const ConfigFields& fields) {
-  std::string text = "# dynslam " DYNSLAM_VERSION ": dynslam run SEQUENCE --config FILE reads this file\n";
-  for (const std::string& table : tables_of(fields)) {
-    text += fmt::format("\n[{}]\n", table);
-    for (const ConfigField& field : fields) {
-      if (field.table == table)
-        text += fmt::format("{}{} = {}\n", comment(field), field.key, config_text(field));
-    }
-  }
-  return text;
+  RunOptions options;
+  std::optional<DynamicsMode> dynamics;
+  std::set<std::string> defaults;
+  for (const ConfigField& field : config_fields(options, dynamics)) defaults.insert(line_of(field));
+  return "# dynslam " DYNSLAM_VERSION
+         ": dynslam run SEQUENCE --config FILE reads this file; what it does not name has its default\n" +
+         tables_text(
+             fields, [](const ConfigField& field) { return !field.tuning; },
+             [&](const ConfigField& field) { return field.tuning && !defaults.contains(line_of(field)); });
+}
+
+std::string tuning_file(const ConfigFields& fields) {
+  return "# dynslam " DYNSLAM_VERSION
+         ", tuning fields: thresholds of its parts, for experiments.\n"
+         "# They are no promise: any version may change, rename or remove them.\n" +
+         tables_text(
+             fields, [](const ConfigField& field) { return field.tuning; },
+             [](const ConfigField&) { return false; });
 }
 
 std::string config_file(const RunOptions& options) {

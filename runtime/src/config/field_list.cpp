@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "config/field_list.hpp"
 
+#include <algorithm>
+
 namespace dynslam::runtime::config {
 
 template <class T>
@@ -27,8 +29,10 @@ std::size_t FieldList::enter(std::string_view key) {
 
 void FieldList::add(std::string_view key, ConfigValue value, std::string_view unit, std::string_view meaning,
                     const ConfigRange& range) {
-  fields_.push_back(
-      {table_, std::string(key), std::string(unit), std::string(meaning), range, std::move(value)});
+  ConfigField field{table_, std::string(key), std::string(unit), std::string(meaning),
+                    range,  std::move(value)};
+  field.tuning = std::ranges::find(user_field_names(), field.name()) == user_field_names().end();
+  fields_.push_back(std::move(field));
 }
 
 #define DYNSLAM_FIELD_TYPE(T)                                                                      \

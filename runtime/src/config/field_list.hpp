@@ -28,6 +28,10 @@ namespace dynslam::runtime::config {
 inline constexpr ConfigRange kAny{}, kShare = between(0, 1), kPositive = above(0), kNotNegative{.low = 0},
                                      kCosine = between(-1, 1), kCount = from(0), kHamming = between(0, 256);
 
+/// The names of the user fields: what a user sets for camera, network, modes, map, speed and output, and every
+/// field with an option of the command line. All other fields are tuning fields.
+[[nodiscard]] std::span<const std::string_view> user_field_names();
+
 /// Its functions are not inline: there are hundreds of calls.
 class FieldList {
  public:

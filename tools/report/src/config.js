@@ -3,7 +3,7 @@
 import { data } from './data.js';
 import { el, section, table } from './dom.js';
 
-// {"table.key": value} of a configuration file.
+// {"table.key": value} of a configuration file. It leaves out tuning fields that have their defaults.
 function fields(text) {
   const result = {};
   let table = '';
@@ -20,7 +20,7 @@ function differences() {
   const names = [...new Set(all.flatMap(Object.keys))].filter((name) => new Set(all.map((one) => one[name])).size > 1);
   if (names.length === 0) return el('p', { className: 'small soft' }, 'All runs have the same configuration.');
   return table('What differs', ['field', ...data.runs.map((run) => run.name)],
-    names.map((name) => [name, ...all.map((one) => one[name])]));
+    names.map((name) => [name, ...all.map((one) => one[name] ?? 'default')]));
 }
 
 export function configuration() {

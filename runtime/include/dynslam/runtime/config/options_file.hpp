@@ -49,6 +49,7 @@ struct ConfigField {
   std::string unit, meaning;  ///< unit: empty for plain numbers and words
   ConfigRange range;          ///< of numbers
   ConfigValue value;
+  bool tuning = false;  ///< a threshold that may change or go in any version; the others are user fields
   [[nodiscard]] std::string name() const { return table + '.' + key; }
 };
 /// The fields of a configuration, in the order of its file.
@@ -64,8 +65,12 @@ using ConfigFields = std::vector<ConfigField>;
 /// A field's value as TOML. Numbers have as many digits as give the same value when they are read again.
 [[nodiscard]] std::string config_text(const ConfigField& field);
 
-/// The whole file: each field under its table with meaning, unit and range as a comment.
+/// A configuration file: every user field, and each tuning field that has not its default, under its table
+/// with meaning, unit and range as a comment. Fields that are not in it have their defaults.
 [[nodiscard]] std::string config_file(const ConfigFields& fields);
+
+/// A file of every tuning field.
+[[nodiscard]] std::string tuning_file(const ConfigFields& fields);
 
 /// The same for the options that a run is made with.
 [[nodiscard]] std::string config_file(const RunOptions& options);
