@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # cmake -D ROOT=<repository> -P cmake/include_scan.cmake
 #
-# Checks what the headers below ROOT/include/dynslam include:
+# Checks what the headers below ROOT/include/dynslam, and headers and sources below ROOT/runtime and ROOT/tools include:
 #  - core headers: the C++ standard library (but not its streams, files and threads), Eigen and the core; and
 #    wide_vectors.hpp alone the compiler's vector instructions;
 #  - inside the core in one direction: config and wide_vectors <- concepts <- image, geometry, robust <- the other folders;
 #  - interop headers: the core and one library, never the runtime;
 #  - the umbrella header dynslam.hpp: every header of the core;
+#  - the runtime and the tools in one direction: threads <- ground <- io <- nets <- slam <- config, then synth, run, inspect
+#    <- evaluation, view <- report <- cli. Ground is what stands in no folder: errors, stopwatch, frame and masks;
+#    slam.hpp and live.hpp belong to slam;
 #  - every header, those of runtime/ and tools/, too: push_macros.hpp first, pop_macros.hpp last.
-# Each fault is one line, FILE:LINE: reason. With EXPECT_FAULTS=n exactly n faults are a success.
+# Each fault is one line that begins with the file. With EXPECT_FAULTS=n exactly n faults are a success.
 cmake_minimum_required(VERSION 3.24)
 
 set(std_headers
@@ -79,6 +82,54 @@ foreach(header IN LISTS headers)
     if(reason)
       math(EXPR faults "${faults} + 1")
       message("${header}:${number}: includes ${included}: ${reason}")
+    endif()
+  endforeach()
+endforeach()
+
+# The floor of a file of the runtime or the tools, given by its path below include/dynslam/runtime/, src/ or tools/; empty:
+# it has none.
+set(floors threads ground io nets slam config "synth run inspect" "evaluation view" report cli)
+function(floor path out)
+  if(path MATCHES "^(slam|live)\\.hpp$")
+    set(folder slam)
+  elseif(path MATCHES "^([a-z0-9_]+)/")
+    set(folder ${CMAKE_MATCH_1})
+  else()
+    set(folder ground)
+  endif()
+  set(${out} "" PARENT_SCOPE)
+  set(number 0)
+  foreach(names IN LISTS floors)
+    separate_arguments(names)
+    if(folder IN_LIST names)
+      set(${out} ${number} PARENT_SCOPE)
+    endif()
+    math(EXPR number "${number} + 1")
+  endforeach()
+endfunction()
+
+file(GLOB_RECURSE files RELATIVE ${ROOT} ${ROOT}/runtime/*.hpp ${ROOT}/runtime/*.cpp ${ROOT}/tools/*.hpp ${ROOT}/tools/*.cpp)
+foreach(file IN LISTS files)
+  string(REGEX REPLACE "^(runtime|tools)/(include/dynslam/runtime/|src/)?" "" self ${file})
+  floor(${self} self_floor)
+  if(self_floor STREQUAL "")
+    math(EXPR faults "${faults} + 1")
+    message("${ROOT}/${file}: stands in a folder that has no floor in cmake/include_scan.cmake")
+    continue()
+  endif()
+  file(STRINGS ${ROOT}/${file} lines REGEX "^[ \t]*#[ \t]*include[ \t]*[<\"]")
+  foreach(line IN LISTS lines)
+    # Of this project are dynslam/runtime/FOLDER/NAME.hpp and "FOLDER/NAME.hpp".
+    string(REGEX REPLACE "^[^<\"]*[<\"](.*)[>\"].*$" "\\1" included "${line}")
+    string(REGEX REPLACE "^dynslam/runtime/" "" other "${included}")
+    if(other STREQUAL included AND (NOT line MATCHES "\"[a-z0-9_]+/" OR included MATCHES "^dynslam/"))
+      continue()
+    endif()
+    floor(${other} other_floor)
+    if(NOT other_floor STREQUAL "" AND other_floor GREATER self_floor)
+      math(EXPR faults "${faults} + 1")
+      list(GET floors ${other_floor} above)
+      message("${ROOT}/${file}: includes ${included}: ${above} is above this file")
     endif()
   endforeach()
 endforeach()

@@ -3,6 +3,7 @@
 // Example 8: the whole system in a loop over images in memory. Usage: example_08_frames_in_memory SEQUENCE
 // OUT The results are those of `dynslam run SEQUENCE --out OUT --dynamics geometric`, byte for byte.
 #include <cstdio>
+#include <dynslam/runtime/io/sequence.hpp>
 #include <dynslam/runtime/io/trajectory_io.hpp>
 #include <dynslam/runtime/slam.hpp>
 #include <opencv2/imgcodecs.hpp>

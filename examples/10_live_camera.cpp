@@ -4,6 +4,7 @@
 // A sequence stands for the camera. Late frames are dropped; how many, and how late the others are, is printed.
 #include <chrono>
 #include <cstdio>
+#include <dynslam/runtime/io/sequence.hpp>
 #include <dynslam/runtime/io/trajectory_io.hpp>
 #include <dynslam/runtime/live.hpp>
 #include <filesystem>

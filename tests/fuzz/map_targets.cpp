@@ -6,7 +6,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
-#include "dynslam/runtime/io/saved_map.hpp"
+#include "dynslam/runtime/slam/saved_map.hpp"
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 #include "run_fixture.hpp"
 #include "targets.hpp"

@@ -11,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "dynslam/geometry/se3.hpp"
+#include "dynslam/runtime/io/frame_stream.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
 #include "run_fixture.hpp"

@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "dynslam/runtime/io/frame_stream.hpp"
 #include "run_fixture.hpp"
 #include "tiny_onnx.hpp"
 

@@ -20,6 +20,8 @@
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/frame_stream.hpp"
+#include "dynslam/runtime/io/mask_reader.hpp"
 #include "error_text.hpp"
 #include "run_fixture.hpp"
 #include "tiny_onnx.hpp"

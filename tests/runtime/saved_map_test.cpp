@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Maps that are saved, loaded, gone on with, and damaged.
-#include "dynslam/runtime/io/saved_map.hpp"
+#include "dynslam/runtime/slam/saved_map.hpp"
 
 #include <doctest/doctest.h>
 

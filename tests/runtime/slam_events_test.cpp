@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/frame_stream.hpp"
 #include "dynslam/runtime/slam.hpp"
 #include "run_fixture.hpp"
 

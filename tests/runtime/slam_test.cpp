@@ -15,6 +15,8 @@
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/frame_stream.hpp"
+#include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "error_text.hpp"
 #include "run_fixture.hpp"

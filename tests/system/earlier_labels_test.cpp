@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/frame_stream.hpp"
+#include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/runtime/nets/frame_segmenter.hpp"
 #include "dynslam/runtime/slam.hpp"
 #include "dynslam/semantic/map_query.hpp"

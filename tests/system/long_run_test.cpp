@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "dynslam/runtime/io/map_io.hpp"
-#include "dynslam/runtime/io/saved_map.hpp"
+#include "dynslam/runtime/slam/saved_map.hpp"
 #include "office.hpp"
 #include "replayed_sequence.hpp"
 

@@ -12,8 +12,8 @@
 #include "dynslam/runtime/evaluation/ablate.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
-#include "dynslam/runtime/io/saved_map.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
+#include "dynslam/runtime/slam/saved_map.hpp"
 #include "io/space_reserve.hpp"
 #include "office.hpp"
 

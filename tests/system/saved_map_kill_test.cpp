@@ -9,7 +9,7 @@
 #include <string>
 
 #include "dynslam/runtime/io/atomic_file.hpp"
-#include "dynslam/runtime/io/saved_map.hpp"
+#include "dynslam/runtime/slam/saved_map.hpp"
 #include "killed_child.hpp"
 #include "run_fixture.hpp"
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "dynslam/eval/trajectory.hpp"
+#include "dynslam/runtime/io/frame_stream.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/run/run_sequence.hpp"
 #include "dynslam/runtime/slam.hpp"

@@ -3,9 +3,9 @@
 
 #include <opencv2/core.hpp>
 
+#include "dynslam/runtime/frame.hpp"
 #include "dynslam/runtime/io/camera.hpp"
 #include "dynslam/runtime/io/time_stamp.hpp"
-#include "dynslam/runtime/io/tum_reader.hpp"
 
 namespace dynslam::runtime {
 

@@ -7,7 +7,7 @@
 #include <cstddef>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/io/mask_reader.hpp"
+#include "dynslam/runtime/masks.hpp"
 
 namespace dynslam::runtime {
 namespace {

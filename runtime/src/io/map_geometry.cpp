@@ -12,6 +12,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
+#include "dynslam/runtime/masks.hpp"
 #include "dynslam/semantic/occupancy_surface.hpp"
 #include "io/binary_file.hpp"
 

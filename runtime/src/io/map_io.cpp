@@ -15,6 +15,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
+#include "dynslam/runtime/masks.hpp"
 
 namespace dynslam::runtime {
 namespace {

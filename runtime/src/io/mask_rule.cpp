@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
-#include "nets/class_names.hpp"
+#include "io/class_names.hpp"
 
 namespace dynslam::runtime {
 namespace {

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "dynslam/runtime/io/class_meanings.hpp"
 #include "dynslam/runtime/io/mask_reader.hpp"
-#include "dynslam/runtime/nets/class_meanings.hpp"
 #include "io/mask_image.hpp"
 
 namespace dynslam::runtime {

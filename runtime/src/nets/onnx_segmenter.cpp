@@ -14,7 +14,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "io/argument_check.hpp"
-#include "nets/class_names.hpp"
+#include "io/class_names.hpp"
 #include "nets/model_recognition.hpp"
 
 namespace dynslam::runtime {

@@ -9,7 +9,7 @@
 
 #include "dynslam/eval/trajectory.hpp"
 #include "dynslam/optim/trajectory_smoothing.hpp"
-#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/frame.hpp"
 #include "dynslam/runtime/slam/track_result.hpp"
 
 namespace dynslam::runtime {

@@ -19,8 +19,8 @@
 #include "dynslam/runtime/threads/bounded_queue.hpp"
 #include "io/argument_check.hpp"
 #include "io/frame_of_images.hpp"
-#include "io/input_check.hpp"
 #include "nets/late_masks.hpp"
+#include "slam/input_check.hpp"
 #include "threads/thread_priority.hpp"
 
 namespace dynslam::runtime {

@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "dynslam/runtime/io/camera.hpp"
-#include "dynslam/runtime/io/mask_reader.hpp"
+#include "dynslam/runtime/masks.hpp"
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
-#include "io/tidy_map.hpp"
+#include "slam/tidy_map.hpp"
 
 namespace dynslam::runtime {
 

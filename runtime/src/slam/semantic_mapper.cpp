@@ -14,7 +14,7 @@
 #include "dynslam/interop/opencv.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
-#include "dynslam/runtime/io/mask_reader.hpp"
+#include "dynslam/runtime/masks.hpp"
 #include "dynslam/semantic/carried_labels.hpp"
 #include "io/argument_check.hpp"
 #include "threads/thread_priority.hpp"

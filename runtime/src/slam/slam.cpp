@@ -6,13 +6,13 @@
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/io/saved_map.hpp"
 #include "dynslam/runtime/io/time_stamp.hpp"
+#include "dynslam/runtime/slam/saved_map.hpp"
 #include "io/argument_check.hpp"
 #include "io/frame_of_images.hpp"
-#include "io/input_check.hpp"
 #include "slam/event_journal.hpp"
 #include "slam/frame_poses.hpp"
+#include "slam/input_check.hpp"
 #include "slam/run_map.hpp"
 #include "slam/separate_maps.hpp"
 

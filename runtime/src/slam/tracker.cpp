@@ -9,7 +9,7 @@
 #include "dynslam/features/masked_features.hpp"
 #include "dynslam/interop/opencv.hpp"
 #include "io/argument_check.hpp"
-#include "io/input_check.hpp"
+#include "slam/input_check.hpp"
 #include "slam/tracker_present.hpp"
 
 namespace dynslam::runtime {

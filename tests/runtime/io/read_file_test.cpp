@@ -16,9 +16,9 @@
 #include "dynslam/runtime/io/camera.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
-#include "dynslam/runtime/io/saved_map.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/slam/saved_map.hpp"
 #include "error_text.hpp"
 #include "tum_fixture.hpp"
 

@@ -5,7 +5,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
-#include "dynslam/runtime/io/saved_map.hpp"
+#include "dynslam/runtime/slam/saved_map.hpp"
 #include "io/make_folder.hpp"
 
 namespace dynslam::runtime {

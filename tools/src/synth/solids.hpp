@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "dynslam/runtime/io/mask_reader.hpp"
+#include "dynslam/runtime/masks.hpp"
 
 namespace dynslam::runtime::synth {
 

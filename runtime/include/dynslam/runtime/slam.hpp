@@ -14,9 +14,9 @@
 
 #include "dynslam/eval/trajectory.hpp"
 #include "dynslam/interop/octomap_semantic_tree.hpp"
+#include "dynslam/runtime/frame.hpp"
 #include "dynslam/runtime/io/camera.hpp"
-#include "dynslam/runtime/io/mask_reader.hpp"
-#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/masks.hpp"
 #include "dynslam/runtime/nets/frame_segmenter.hpp"
 #include "dynslam/runtime/slam/new_map_options.hpp"
 #include "dynslam/runtime/slam/semantic_mapper.hpp"

@@ -14,7 +14,6 @@
 
 #include "dynslam/interop/octomap_semantic_tree.hpp"
 #include "dynslam/runtime/io/map_classes.hpp"
-#include "dynslam/runtime/io/mask_reader.hpp"
 
 namespace dynslam::runtime {
 

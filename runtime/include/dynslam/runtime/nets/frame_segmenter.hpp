@@ -8,7 +8,7 @@
 #include <memory>
 #include <optional>
 
-#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/frame.hpp"
 #include "dynslam/runtime/nets/mask_keeper.hpp"
 #include "dynslam/runtime/nets/onnx_segmenter.hpp"
 

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "dynslam/runtime/io/mask_reader.hpp"
+#include "dynslam/runtime/masks.hpp"
 
 namespace dynslam::runtime {
 

@@ -14,9 +14,9 @@
 #include <string_view>
 #include <vector>
 
+#include "dynslam/runtime/io/class_meanings.hpp"
 #include "dynslam/runtime/io/map_classes.hpp"
-#include "dynslam/runtime/io/mask_reader.hpp"
-#include "dynslam/runtime/nets/class_meanings.hpp"
+#include "dynslam/runtime/masks.hpp"
 #include "dynslam/runtime/nets/inference_engine.hpp"
 #include "dynslam/runtime/nets/model_output.hpp"
 #include "dynslam/runtime/nets/segmentation_decoders.hpp"

@@ -7,7 +7,7 @@
 #include <optional>
 #include <thread>
 
-#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/io/frame_stream.hpp"
 #include "dynslam/runtime/nets/frame_segmenter.hpp"
 #include "dynslam/runtime/threads/bounded_queue.hpp"
 

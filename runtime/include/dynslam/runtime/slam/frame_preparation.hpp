@@ -3,7 +3,7 @@
 
 #include "dynslam/push_macros.hpp"
 
-#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/frame.hpp"
 #include "dynslam/runtime/slam/feature_extractor.hpp"
 #include "dynslam/runtime/slam/tracker.hpp"
 

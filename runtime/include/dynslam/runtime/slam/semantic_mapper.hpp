@@ -18,6 +18,7 @@
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/interop/octomap_semantic_tree.hpp"
 #include "dynslam/runtime/io/map_classes.hpp"
+#include "dynslam/runtime/masks.hpp"
 #include "dynslam/runtime/slam/map_scan.hpp"
 #include "dynslam/runtime/threads/bounded_queue.hpp"
 #include "dynslam/semantic/log_odds.hpp"

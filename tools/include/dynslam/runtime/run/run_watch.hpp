@@ -7,7 +7,7 @@
 #include <functional>
 #include <opencv2/core.hpp>
 
-#include "dynslam/runtime/io/frame_stream.hpp"
+#include "dynslam/runtime/frame.hpp"
 #include "dynslam/runtime/slam.hpp"
 #include "dynslam/runtime/slam/track_result.hpp"
 

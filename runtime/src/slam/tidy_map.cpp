@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/tidy_map.hpp"
+#include "slam/tidy_map.hpp"
 
 #include <cstddef>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/io/saved_map.hpp"
+#include "dynslam/runtime/slam/saved_map.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/input_check.hpp"
+#include "slam/input_check.hpp"
 
 #include <fmt/format.h>
 

@@ -3,9 +3,9 @@
 
 #include <optional>
 
+#include "dynslam/runtime/frame.hpp"
 #include "dynslam/runtime/io/camera.hpp"
-#include "dynslam/runtime/io/mask_reader.hpp"
-#include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/masks.hpp"
 
 namespace dynslam::runtime {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/runtime/nets/class_meanings.hpp"
+#include "dynslam/runtime/io/class_meanings.hpp"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,7 @@
 #include <cstddef>
 
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/io/mask_reader.hpp"
+#include "dynslam/runtime/masks.hpp"
 
 namespace dynslam::runtime {
 
