@@ -79,7 +79,7 @@
 #include "dynslam/image/widen.hpp"
 #include "dynslam/map/bundle_window.hpp"
 #include "dynslam/map/covering_keyframe.hpp"
-#include "dynslam/map/frame.hpp"
+#include "dynslam/map/feature_frame.hpp"
 #include "dynslam/map/keyframe_map.hpp"
 #include "dynslam/map/keyframe_policy.hpp"
 #include "dynslam/map/local_matcher.hpp"

@@ -20,7 +20,7 @@
 #include "dynslam/image/pyramid.hpp"
 #include "dynslam/map/bundle_window.hpp"
 #include "dynslam/map/covering_keyframe.hpp"
-#include "dynslam/map/frame.hpp"
+#include "dynslam/map/feature_frame.hpp"
 #include "dynslam/map/keyframe_map.hpp"
 #include "dynslam/map/keyframe_policy.hpp"
 #include "dynslam/map/local_matcher.hpp"
@@ -61,8 +61,8 @@ struct Wall {
       depth[k] = view.depth;
     }
   }
-  [[nodiscard]] Frame<S> frame(std::size_t k) const {
-    Frame<S> f;
+  [[nodiscard]] FeatureFrame<S> frame(std::size_t k) const {
+    FeatureFrame<S> f;
     test::Rng rng("conformance wall");
     for (int v = 24; v < 100; v += 10) {
       for (int u = 24; u < 140; u += 10) {
@@ -97,12 +97,12 @@ TEST_CASE_TEMPLATE("points of one view are found in the next, with its pose, beh
                    DYNSLAM_CONFORMANCE_CAMERAS) {
   using S = typename Camera::ScalarType;
   Wall<Camera> wall;
-  Frame<S> first = wall.frame(0);
+  FeatureFrame<S> first = wall.frame(0);
   wall.maker.trust_all(first);
   const int made = wall.maker.make(wall.map, wall.pyramids[0], first);
   CHECK(made > 60);
   wall.map.add_keyframe(first);
-  Frame<S> now;
+  FeatureFrame<S> now;
   now.grid.build(now.features, test::kWidth, test::kHeight);
   wall.matcher.begin(now);
   const int found = wall.matcher.match_local(wall.map, wall.T_c1_w, wall.pyramids[1], wall.depth[1], now);
@@ -122,7 +122,7 @@ TEST_CASE_TEMPLATE("points of one view are found in the next, with its pose, beh
   CHECK((result.T_c_w * wall.T_c1_w.inverse()).log().norm() < S(0.01));
   wall.matcher.drop_unmatched(now);
   // By descriptor, from a frame that is the first one again.
-  Frame<S> same = wall.frame(0);
+  FeatureFrame<S> same = wall.frame(0);
   wall.matcher.begin(same);
   CHECK(wall.matcher.match_last(wall.map, first, SE3<S>(), 8.0F, same) > made / 2);
   wall.matcher.clear(same);
@@ -154,7 +154,7 @@ TEST_CASE_TEMPLATE("features in the pixels of every camera make points, poses an
   Wall<Camera> wall;
   PointMaker<S, Camera> maker(wall.camera, test::kWidth, test::kHeight);
   MatchedPose<S, Camera> pose(wall.camera);
-  Frame<S> first = wall.frame(0);
+  FeatureFrame<S> first = wall.frame(0);
   for (Feature& f : first.features) {
     f.x = f.u;
     f.y = f.v;
@@ -162,7 +162,7 @@ TEST_CASE_TEMPLATE("features in the pixels of every camera make points, poses an
   maker.trust_all(first);
   CHECK(maker.make(wall.map, wall.pyramids[0], first) > 60);
   wall.map.add_keyframe(first);
-  Frame<S> second = first;
+  FeatureFrame<S> second = first;
   second.T_c_w = wall.T_c1_w;
   for (std::size_t i = 0; i < second.features.size(); ++i) {
     if (second.point[i] < 0) continue;
@@ -175,7 +175,7 @@ TEST_CASE_TEMPLATE("features in the pixels of every camera make points, poses an
   }
   const std::vector<std::vector<std::uint8_t>> masks{std::vector<std::uint8_t>(second.features.size(), 0)};
   MaskedPoseWorkspace masked;
-  Frame<S> with_masks = second;
+  FeatureFrame<S> with_masks = second;
   const auto believed = masked_pose(
       pose, wall.map, SE3<S>(), masks, {}, with_masks, [](int) {}, masked);
   REQUIRE(believed.ok());

@@ -46,7 +46,7 @@ struct World {
     for (int k = 0; k < 6; ++k) {
       const SE3<S> T = small<S>(rng, 0.15, 0.05);
       truth.push_back(T);
-      Frame<S> frame;
+      FeatureFrame<S> frame;
       for (std::size_t j = 0; j < points.size(); ++j) {
         const Vector3 p_c = T * points[j];
         const auto x = camera.project(p_c);
@@ -123,7 +123,7 @@ TEST_CASE_TEMPLATE("sights behind their camera do not stay in the map, and hide 
   point.p_w = {S(0.1), S(0.2), S(-2)};
   const int id = w.map.add_point(point);
   for (int k = 3; k < 6; ++k) {
-    Frame<S>& frame = w.map.keyframe(k).frame;
+    FeatureFrame<S>& frame = w.map.keyframe(k).frame;
     Feature f;
     f.x = 300;
     f.y = 200;
@@ -155,7 +155,7 @@ TEST_CASE_TEMPLATE("what was added meanwhile follows the newest adjusted keyfram
   BundleWindow<S> window;
   window.collect(w.map, w.noise);
   REQUIRE(w.adjust(window).ok());
-  Frame<S> later;
+  FeatureFrame<S> later;
   later.T_c_w = SE3<S>(SO3<S>(), Vector3(0, 0, S(0.1))) * w.map.keyframes().back().frame.T_c_w;
   MapPoint<S> point;
   point.p_w = later.T_c_w.inverse() * Vector3(0, 0, 2);
@@ -176,7 +176,7 @@ TEST_CASE_TEMPLATE(
   KeyframeMap<S> map;
   for (int p = 0; p < 100; ++p) (void)map.add_point({});
   for (int k = 0; k < 10; ++k) {  // each shares 23 of 30 points with its neighbours, 16 with theirs
-    Frame<S> frame;
+    FeatureFrame<S> frame;
     for (int p = 7 * k; p < 7 * k + 30; ++p) frame.point.push_back(p);
     frame.features.resize(frame.point.size());
     frame.T_c_w = SE3<S>(SO3<S>(), Eigen::Matrix<S, 3, 1>(S(k), 0, 0));

@@ -12,8 +12,8 @@ namespace {
 
 /// A frame that sees points [first, first + count) from x metres.
 template <class S>
-Frame<S> frame_of(int first, int count, S x) {
-  Frame<S> f;
+FeatureFrame<S> frame_of(int first, int count, S x) {
+  FeatureFrame<S> f;
   f.T_c_w = SE3<S>(SO3<S>(), Eigen::Matrix<S, 3, 1>(x, S(0), S(0)));
   f.point.resize(static_cast<std::size_t>(count));
   std::iota(f.point.begin(), f.point.end(), first);
@@ -33,7 +33,7 @@ TEST_CASE_TEMPLATE("a keyframe stands for a frame that is near it and shows its 
   (void)map.add_keyframe(frame_of<S>(500, 300, S(0.4)));
   const CoverageOptions<S> options;
   std::vector<int> votes;
-  const auto covering = [&](const Frame<S>& f) { return covering_keyframe(map, f, options, votes); };
+  const auto covering = [&](const FeatureFrame<S>& f) { return covering_keyframe(map, f, options, votes); };
   CHECK(covering(frame_of<S>(20, 250, S(0.05))) == 0);
   CHECK(covering(frame_of<S>(190, 250, S(0.15))) == 1);
   CHECK(covering(frame_of<S>(20, 250, S(0.11))) == -1);   // the one that shows the same is too far,
@@ -43,10 +43,10 @@ TEST_CASE_TEMPLATE("a keyframe stands for a frame that is near it and shows its 
   // Where many keyframes are, a frame finds more than any of them shows: that it finds half of one is enough.
   CHECK(covering(frame_of<S>(0, 700, S(0.05))) == 0);
   CHECK(covering(frame_of<S>(160, 700, S(0.05))) == -1);
-  Frame<S> turned = frame_of<S>(20, 250, S(0));
+  FeatureFrame<S> turned = frame_of<S>(20, 250, S(0));
   turned.T_c_w = SE3<S>(SO3<S>::exp(Eigen::Matrix<S, 3, 1>(0, S(0.16), 0)), turned.T_c_w.translation());
   CHECK(covering(turned) == -1);
-  Frame<S> hidden = frame_of<S>(20, 250, S(0.05));  // by somebody who walks by
+  FeatureFrame<S> hidden = frame_of<S>(20, 250, S(0.05));  // by somebody who walks by
   std::fill(hidden.dynamic.begin(), hidden.dynamic.begin() + 101, 1);
   CHECK(covering(hidden) == -1);
   (void)map.add_keyframe(frame_of<S>(0, 300, S(0)));

@@ -15,8 +15,8 @@ using namespace dynslam;
 namespace {
 
 template <class S>
-Frame<S> frame_that_sees(const std::vector<int>& points, S x) {
-  Frame<S> f;
+FeatureFrame<S> frame_that_sees(const std::vector<int>& points, S x) {
+  FeatureFrame<S> f;
   f.T_c_w = SE3<S>(SO3<S>(), Eigen::Matrix<S, 3, 1>(x, S(0), S(0)));
   f.point = points;
   f.features.resize(points.size());

@@ -61,9 +61,9 @@ struct Wall {
   }
 
   /// A frame with features at the given pixels, of level 0.
-  [[nodiscard]] Frame<S> frame(const std::vector<Eigen::Vector2d>& pixels,
+  [[nodiscard]] FeatureFrame<S> frame(const std::vector<Eigen::Vector2d>& pixels,
                                const std::vector<Descriptor>& looks) {
-    Frame<S> f;
+    FeatureFrame<S> f;
     for (const auto& x : pixels) {
       f.features.emplace_back();
       matcher.placer().place(f.features.back(), x.cast<S>(), depth);
@@ -76,7 +76,7 @@ struct Wall {
   }
 
   /// The first keyframe, with features every 24 pixels.
-  Frame<S> first_keyframe() {
+  FeatureFrame<S> first_keyframe() {
     std::vector<Eigen::Vector2d> pixels;
     std::vector<Descriptor> looks;
     for (int v = 30; v < kHeight - 20; v += 24) {
@@ -85,7 +85,7 @@ struct Wall {
         looks.push_back(descriptor());
       }
     }
-    Frame<S> f = frame(pixels, looks);
+    FeatureFrame<S> f = frame(pixels, looks);
     maker.trust_all(f);
     CHECK(maker.make(map, pyramids[0], f) == static_cast<int>(pixels.size()));
     map.add_keyframe(f);
@@ -105,8 +105,8 @@ struct Wall {
 TEST_CASE_TEMPLATE("patches find every point of the map without a corner, and the pose to a millimetre", S,
                    float, double) {
   Wall<S> wall;
-  const Frame<S> first = wall.first_keyframe();
-  Frame<S> now = wall.frame({}, {});
+  const FeatureFrame<S> first = wall.first_keyframe();
+  FeatureFrame<S> now = wall.frame({}, {});
   wall.matcher.begin(now);
   // The local map is that of the keyframe in common; the newest one always belongs to it.
   const int matches = wall.matcher.match_local(wall.map, wall.T_c1_w, wall.pyramids[1], wall.depth, now);
@@ -134,7 +134,7 @@ TEST_CASE_TEMPLATE(
     "descriptors match corners near where they are expected, of whom the consensus drops a mover", S, float,
     double) {
   Wall<S> wall;
-  Frame<S> last = wall.first_keyframe();
+  FeatureFrame<S> last = wall.first_keyframe();
   std::vector<Eigen::Vector2d> pixels;
   std::vector<Descriptor> looks;
   for (std::size_t i = 0; i < last.features.size(); ++i) {
@@ -143,7 +143,7 @@ TEST_CASE_TEMPLATE(
                         static_cast<double>(last.features[i].v) + (moved ? 4 : 0));
     looks.push_back(last.descriptors[i]);
   }
-  Frame<S> now = wall.frame(pixels, looks);
+  FeatureFrame<S> now = wall.frame(pixels, looks);
   wall.matcher.begin(now);
   now.dynamic[1] = 1;  // on a mask: not to be matched
   const int matches = wall.matcher.match_last(wall.map, last, SE3<S>(), 12.0F, now);
@@ -165,7 +165,7 @@ TEST_CASE_TEMPLATE("points are made where there is depth, trust and room, and no
                                             {150, 150}, {60, 60},   {250, 200}};
   std::vector<Descriptor> looks;
   for (std::size_t i = 0; i < pixels.size(); ++i) looks.push_back(wall.descriptor());
-  Frame<S> f = wall.frame(pixels, looks);
+  FeatureFrame<S> f = wall.frame(pixels, looks);
   f.features[2].depth = 0;
   f.features[3].depth = 20;
   f.dynamic[4] = 1;
@@ -188,8 +188,8 @@ TEST_CASE_TEMPLATE("points are made where there is depth, trust and room, and no
 TEST_CASE_TEMPLATE("points in view that a frame does not match are named with where they are expected", S,
                    float, double) {
   Wall<S> wall;
-  const Frame<S> first = wall.first_keyframe();
-  Frame<S> now = wall.frame({}, {});
+  const FeatureFrame<S> first = wall.first_keyframe();
+  FeatureFrame<S> now = wall.frame({}, {});
   wall.matcher.begin(now);
   (void)wall.matcher.match_local(wall.map, wall.T_c1_w, wall.pyramids[1], wall.depth, now);
   const auto unmatched = [&](const SE3<S>& T_c_w) {

@@ -92,7 +92,7 @@ TEST_CASE_TEMPLATE("a loop between keyframes that were culled since holds betwee
   using Vector3 = Eigen::Matrix<S, 3, 1>;
   KeyframeMap<S> map;
   for (int k = 0; k < 4; ++k) {
-    Frame<S> frame;
+    FeatureFrame<S> frame;
     frame.T_c_w = SE3<S>(SO3<S>::exp(Vector3(0, S(0.1 * k), 0)), Vector3(S(k), S(0.5), 0));
     (void)map.add_keyframe(frame);
   }

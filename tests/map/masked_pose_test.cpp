@@ -19,7 +19,7 @@ template <class S>
 struct Scene {
   Pinhole<S> camera{S(500), S(500), S(320), S(240)};
   KeyframeMap<S> map;
-  Frame<S> frame;
+  FeatureFrame<S> frame;
   SE3<S> truth = SE3<S>::exp(
       (Eigen::Matrix<S, 6, 1>() << S(0.2), S(-0.1), S(0.1), S(0.05), S(-0.1), S(0.03)).finished());
   std::vector<std::uint8_t> left_rim, left_half, all_but_few, all;

@@ -23,7 +23,7 @@ struct Sight {
 
   Camera camera = test::feature_camera<Camera>();
   KeyframeMap<S> map;
-  Frame<S> frame;
+  FeatureFrame<S> frame;
   SE3<S> truth = SE3<S>::exp(
       (Eigen::Matrix<S, 6, 1>() << S(0.2), S(-0.1), S(0.1), S(0.05), S(-0.1), S(0.03)).finished());
 
@@ -87,7 +87,7 @@ TEST_CASE_TEMPLATE("a mover before any camera loses its matches to the consensus
     const S off = S(25) * S(mover) / S(sight.frame.features.size() - 1);
     CHECK(std::abs(pose.mean_chi2(T, S(25)) - off) < S(0.2));
     CHECK(pose.mean_chi2(sight.start(), S(25)) > pose.mean_chi2(T, S(25)));
-    Frame<S> frame = sight.frame;
+    FeatureFrame<S> frame = sight.frame;
     pose.keep_consistent(T, S(25), frame);
     for (std::size_t i = 0; i < frame.point.size(); ++i) CHECK((frame.point[i] < 0) == (i < mover));
   }

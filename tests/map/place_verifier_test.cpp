@@ -20,7 +20,7 @@ TEST_CASE_TEMPLATE("a place is confirmed by its points, and refused where the de
   room.drift.setZero();
   for (int k = 0; k < 4; ++k) (void)room.add();
   PlaceVerifier<Camera> verifier(room.camera, room.camera, room.noise);
-  const Frame<S> frame = room.map.keyframe(3).frame;
+  const FeatureFrame<S> frame = room.map.keyframe(3).frame;
   const Image<float> depth = room.depth(room.truth[3]);
   const auto verify = [&](float scale) {
     Image<float> scaled = depth;
@@ -53,11 +53,11 @@ TEST_CASE_TEMPLATE("what shows another place is refused by the first test that i
   CHECK(verifier.verify(room.map, room.map.keyframe(11).frame, depth, 0).status ==
         PlaceStatus::too_few_matches);
   // Right descriptors on wrong places: no pose explains them.
-  Frame<S> scrambled = room.map.keyframe(11).frame;
+  FeatureFrame<S> scrambled = room.map.keyframe(11).frame;
   std::reverse(scrambled.descriptors.begin(), scrambled.descriptors.end());
   scrambled.grid.build(scrambled.features, 640, 480);
   CHECK_FALSE(verifier.verify(room.map, scrambled, depth, 11).ok());
-  Frame<S> moving = room.map.keyframe(11).frame;
+  FeatureFrame<S> moving = room.map.keyframe(11).frame;
   moving.dynamic.assign(moving.features.size(), 1);
   CHECK(verifier.verify(room.map, moving, depth, 11).status == PlaceStatus::too_few_matches);
 }
@@ -71,7 +71,7 @@ TEST_CASE_TEMPLATE("the depth image may be that of any camera, such as a fisheye
   for (int k = 0; k < 4; ++k) (void)room.add();
   const Fisheye fisheye(S(300), S(319.5), S(239.5));
   PlaceVerifier<Camera, Fisheye> verifier(room.camera, fisheye, room.noise);
-  const Frame<S> frame = room.map.keyframe(3).frame;
+  const FeatureFrame<S> frame = room.map.keyframe(3).frame;
   const auto found = verifier.verify(room.map, frame, room.depth(room.truth[3], fisheye), 1);
   REQUIRE(found.ok());
   CHECK((found.T_c_w * room.truth[3].inverse()).translation().norm() < S(0.01));
@@ -89,7 +89,7 @@ TEST_CASE_TEMPLATE("features may be in the pixels of any camera, such as a fishe
   room.drift.setZero();
   for (int k = 0; k < 4; ++k) (void)room.add();
   PlaceVerifier<Camera> verifier(room.camera, room.camera, room.noise);
-  const Frame<S> frame = room.map.keyframe(3).frame;
+  const FeatureFrame<S> frame = room.map.keyframe(3).frame;
   Image<float> depth = room.depth(room.truth[3]);
   const auto found = verifier.verify(room.map, frame, depth, 1);
   REQUIRE(found.ok());

@@ -44,8 +44,8 @@ struct Sights {
         points.emplace_back(S(0.35) * S(x), S(0.35) * S(y), S(3) + S(0.1) * S(rng.normal()));
     }
   }
-  [[nodiscard]] Frame<S> frame(const SE3<S>& T_c_w) const {
-    Frame<S> f;
+  [[nodiscard]] FeatureFrame<S> frame(const SE3<S>& T_c_w) const {
+    FeatureFrame<S> f;
     f.T_c_w = T_c_w;
     for (const Vector3& p : points) {
       const Vector3 p_c = T_c_w * p;
@@ -74,7 +74,7 @@ TEST_CASE_TEMPLATE("points stand where any camera's features show them, with a p
   const SE3<S> T_c_w(SO3<S>::exp(Vector3(S(0.05), S(-0.1), S(0.02))), Vector3(S(0.1), S(-0.05), S(0.2)));
   typename Sights<Camera>::Map map;
   PointMaker<S, Camera> maker(sights.camera, kImageWidth, kImageHeight);
-  Frame<S> frame = sights.frame(T_c_w);
+  FeatureFrame<S> frame = sights.frame(T_c_w);
   maker.trust_all(frame);
   REQUIRE(maker.make(map, sights.pyramid, frame) == static_cast<int>(sights.points.size()));
   for (std::size_t i = 0; i < sights.points.size(); ++i) {
@@ -96,12 +96,12 @@ TEST_CASE_TEMPLATE("points become the mean of what the keyframes of any camera m
   PointMakerOptions<S> options;
   options.average = true;
   PointMaker<S, Camera> maker(sights.camera, kImageWidth, kImageHeight, options);
-  Frame<S> first = sights.frame(SE3<S>());
+  FeatureFrame<S> first = sights.frame(SE3<S>());
   maker.trust_all(first);
   (void)maker.make(map, sights.pyramid, first);
   map.add_keyframe(first);
   const SE3<S> T_c_w(SO3<S>(), Vector3(S(-0.05), 0, 0));
-  Frame<S> second = sights.frame(T_c_w);
+  FeatureFrame<S> second = sights.frame(T_c_w);
   second.point = first.point;
   // Too far by 4 cm: the mean of two as good ones is 2 cm off along the ray, in the direction of the second.
   const Vector3 off = sights.points[0] - T_c_w.inverse().translation();
@@ -117,7 +117,7 @@ TEST_CASE_TEMPLATE("points become the mean of what the keyframes of any camera m
 TEST_CASE_TEMPLATE("a pixel without a ray makes no point and moves none", S, float, double) {
   using Camera = test::EquidistantCamera<S>;
   const Camera narrow(S(200), S(319.5), S(239.5));  // the corners of the image lie beyond 90 degrees
-  Frame<S> frame;
+  FeatureFrame<S> frame;
   frame.features.resize(2);
   frame.features[0] = {2, 2, 2, 2, 2.0F, 0, 0, 1};
   frame.features[1] = {300, 200, 300, 200, 2.0F, 0, 0, 1};
@@ -150,12 +150,12 @@ TEST_CASE_TEMPLATE("a feature at no pixel or without a depth moves no point", Ca
   PointMakerOptions<S> options;
   options.average = true;
   PointMaker<S, Camera> maker(sights.camera, kImageWidth, kImageHeight, options);
-  Frame<S> frame = sights.frame(SE3<S>());
+  FeatureFrame<S> frame = sights.frame(SE3<S>());
   maker.trust_all(frame);
   (void)maker.make(map, sights.pyramid, frame);
   map.add_keyframe(frame);
   const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
-  Frame<S> bad = frame;
+  FeatureFrame<S> bad = frame;
   bad.features[0].x = nan;
   bad.features[1].y = inf;
   bad.features[2].depth = nan;

@@ -23,7 +23,7 @@ LocalMap make_map(test::Rng& rng) {
     (void)map.add_point(point);
   }
   for (int k = 0; k < 5; ++k) {
-    dynslam::Frame<double> frame;
+    dynslam::FeatureFrame<double> frame;
     frame.T_c_w = SE3d(SO3d(), Eigen::Vector3d(0.05 * k, 0, 0));
     for (int j = 0; j < 200; ++j) {
       const Eigen::Vector3d p_c = frame.T_c_w * map.point(j).p_w;

@@ -144,7 +144,7 @@ concept GivesView = requires(T&& owner) {
   std::forward<T>(owner).view();
 };
 static_assert(GivesView<Image<int>&> && GivesView<const Image<int>&> && !GivesView<Image<int>>);
-static_assert(GivesView<const dynslam::Frame<>&> && !GivesView<dynslam::Frame<>>);
+static_assert(GivesView<const dynslam::FeatureFrame<>&> && !GivesView<dynslam::FeatureFrame<>>);
 static_assert(
     std::is_copy_assignable_v<dynslam::RollingCamera<dynslam::Pinhole<double>>>);  // keeps its camera
 

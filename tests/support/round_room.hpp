@@ -77,7 +77,7 @@ struct RoundRoom {
     const SE3<S> T_w_c(SO3<S>::exp(Vector3(0, S(a), 0)),
                        Vector3(S(0.5 * std::sin(a)), 0, S(0.5 * std::cos(a))));
     truth.push_back(T_w_c.inverse());
-    Frame<S> f;
+    FeatureFrame<S> f;
     f.index = k;
     f.T_c_w = k == 0 ? truth[0]
                      : SE3<S>::exp(drift) * truth[k] * truth[k - 1].inverse() *

@@ -17,7 +17,7 @@ namespace dynslam {
 
 /// Interpolated value and its derivative with respect to (u, v) [per pixel].
 template <Scalar S>
-struct Sample {
+struct ImageSample {
   S value;
   Eigen::Matrix<S, 2, 1> gradient;
 };
@@ -74,10 +74,10 @@ struct BilinearCell {
 /// interpolant of the cell to the right and below (to the left and above on the last column and row).
 /// nullopt outside [0, width-1] x [0, height-1] and for NaN coordinates.
 template <Scalar S, ImageLike I>
-[[nodiscard]] std::optional<Sample<S>> bilinear_with_gradient(const I& image, const S& u, const S& v) {
+[[nodiscard]] std::optional<ImageSample<S>> bilinear_with_gradient(const I& image, const S& u, const S& v) {
   detail::BilinearCell<S> c;
   if (!c.find(image, u, v)) return std::nullopt;
-  Sample<S> sample;
+  ImageSample<S> sample;
   sample.value = c.value();
   sample.gradient = Eigen::Matrix<S, 2, 1>(S((S(1.0) - c.b) * (c.i10 - c.i00) + c.b * (c.i11 - c.i01)),
                                            S(c.bottom() - c.top()));

@@ -154,7 +154,7 @@ class BundleWindow {
   template <class Patch>
   void copy_sights(const KeyframeMap<S, Patch>& map, const DepthNoise<S>& noise) {
     for (std::size_t i = 0; i < keyframe_ids_.size(); ++i) {
-      const Frame<S>& frame = map.keyframe(keyframe_ids_[i]).frame;
+      const FeatureFrame<S>& frame = map.keyframe(keyframe_ids_[i]).frame;
       for (std::size_t f = 0; f < frame.point.size(); ++f) {
         if (frame.point[f] < 0) continue;
         const int j = local_point_[static_cast<std::size_t>(frame.point[f])];

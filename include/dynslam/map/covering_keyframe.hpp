@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "dynslam/geometry/se3.hpp"
-#include "dynslam/map/frame.hpp"
+#include "dynslam/map/feature_frame.hpp"
 #include "dynslam/map/keyframe_map.hpp"
 
 namespace dynslam {
@@ -29,7 +29,7 @@ struct CoverageOptions {
 /// @param votes  scratch memory
 /// @return its id; -1: the frame shows what no keyframe does
 template <std::floating_point S, class Patch>
-[[nodiscard]] int covering_keyframe(const KeyframeMap<S, Patch>& map, const Frame<S>& frame,
+[[nodiscard]] int covering_keyframe(const KeyframeMap<S, Patch>& map, const FeatureFrame<S>& frame,
                                     const CoverageOptions<S>& options, std::vector<int>& votes) {
   int matches = 0;
   for (std::size_t i = 0; i < frame.point.size(); ++i)

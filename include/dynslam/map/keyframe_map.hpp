@@ -17,7 +17,7 @@
 #include "dynslam/config.hpp"
 #include "dynslam/features/descriptor.hpp"
 #include "dynslam/geometry/se3.hpp"
-#include "dynslam/map/frame.hpp"
+#include "dynslam/map/feature_frame.hpp"
 
 namespace dynslam {
 
@@ -47,7 +47,7 @@ struct MapPoint {
 template <Scalar S = double>
 struct Keyframe {
   int id = 0;
-  Frame<S> frame;
+  FeatureFrame<S> frame;
   int parent = -1;    ///< of a culled keyframe: the one that its pose hangs on
   SE3<S> T_c_parent;  ///< and its place beside that one
   [[nodiscard]] bool culled() const { return parent >= 0; }
@@ -67,7 +67,7 @@ template <Scalar S = double, class Patch = NoPatch>
 class KeyframeMap {
  public:
   using ScalarType = S;
-  using FrameType = Frame<S>;
+  using FrameType = FeatureFrame<S>;
   using KeyframeType = Keyframe<S>;
   using PointType = MapPoint<S, Patch>;
 

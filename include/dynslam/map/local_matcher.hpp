@@ -68,16 +68,16 @@ class LocalMatcher {
   [[nodiscard]] const FeaturePlacer<C>& placer() const { return placer_; }
 
   /// Says that a frame has as yet its extracted features alone.
-  void begin(const Frame<S>& frame) { extracted_ = frame.features.size(); }
+  void begin(const FeatureFrame<S>& frame) { extracted_ = frame.features.size(); }
 
   /// Takes all matches back, and with them the features that stand for a point only.
-  void clear(Frame<S>& frame) const {
+  void clear(FeatureFrame<S>& frame) const {
     std::fill(frame.point.begin(), frame.point.end(), -1);
     drop_unmatched(frame);
   }
 
   /// Removes the features that were added for points which the frame does not match after all.
-  void drop_unmatched(Frame<S>& frame) const {
+  void drop_unmatched(FeatureFrame<S>& frame) const {
     std::size_t kept = extracted_;
     for (std::size_t i = extracted_; i < frame.features.size(); ++i) {
       if (frame.point[i] < 0) continue;
@@ -98,7 +98,8 @@ class LocalMatcher {
   /// @param radius  of the search [pixels of the feature's level]
   /// @return number of matches
   template <class Map>
-  int match_last(const Map& map, const Frame<S>& last, const SE3<S>& T_c_w, float radius, Frame<S>& frame) {
+  int match_last(const Map& map, const FeatureFrame<S>& last, const SE3<S>& T_c_w, float radius,
+                 FeatureFrame<S>& frame) {
     clear(frame);
     distance_.assign(frame.features.size(), kNoMatch);
     int matches = 0;
@@ -129,7 +130,8 @@ class LocalMatcher {
 
   /// Moves matched features to where the patches of their points are.
   template <class Map, ImagePyramidLike P, DepthImage D>
-  void refine(const Map& map, const SE3<S>& T_c_w, const P& pyramid, const D& depth, Frame<S>& frame) const {
+  void refine(const Map& map, const SE3<S>& T_c_w, const P& pyramid, const D& depth,
+              FeatureFrame<S>& frame) const {
     for (std::size_t i = 0; i < frame.point.size(); ++i) {
       if (frame.point[i] < 0) continue;
       Feature& f = frame.features[i];
@@ -145,7 +147,7 @@ class LocalMatcher {
   /// Counts in the map how often points should have been and were found.
   /// @return number of new matches
   template <class Map, ImagePyramidLike P, DepthImage D>
-  int match_local(Map& map, const SE3<S>& T_c_w, const P& pyramid, const D& depth, Frame<S>& frame) {
+  int match_local(Map& map, const SE3<S>& T_c_w, const P& pyramid, const D& depth, FeatureFrame<S>& frame) {
     map.local_points(frame, options_.keyframes, candidates_);
     hold(map, frame);
     forget_turns(map);
@@ -176,7 +178,7 @@ class LocalMatcher {
   /// Calls visit(id, pixel, z) for each point of the local map in view that the frame does not match: the
   /// recorded pixel where it is expected, and its depth [m].
   template <class Map, class Visit>
-  void unmatched_in_view(Map& map, const SE3<S>& T_c_w, const Frame<S>& frame, Visit&& visit) {
+  void unmatched_in_view(Map& map, const SE3<S>& T_c_w, const FeatureFrame<S>& frame, Visit&& visit) {
     map.local_points(frame, options_.keyframes, candidates_);
     holder_.assign(map.points().size(), -1);
     for (const int id : frame.point) {
@@ -211,7 +213,7 @@ class LocalMatcher {
 
   /// Notes the matches that the frame has; they are not replaced.
   template <class Map>
-  void hold(Map& map, const Frame<S>& frame) {
+  void hold(Map& map, const FeatureFrame<S>& frame) {
     distance_.assign(frame.features.size(), kNoMatch);
     holder_.assign(map.points().size(), -1);
     for (std::size_t i = 0; i < frame.point.size(); ++i) {
@@ -279,7 +281,8 @@ class LocalMatcher {
 
   /// Uses a point that was found by its patch. @return whether that is a new match
   template <class Point, DepthImage D>
-  bool take_patch(Point& p, int id, int held, const PatchMatch<S>& match, const D& depth, Frame<S>& frame) {
+  bool take_patch(Point& p, int id, int held, const PatchMatch<S>& match, const D& depth,
+                  FeatureFrame<S>& frame) {
     Feature f;
     move(f, match, depth);
     if (!placer_.sees(f)) return false;
@@ -313,7 +316,7 @@ class LocalMatcher {
 
   /// Looks for a point by its descriptor. @return whether that is a new match
   template <class Map>
-  bool take_corner(Map& map, int id, const Sight& seen, Frame<S>& frame) {
+  bool take_corner(Map& map, int id, const Sight& seen, FeatureFrame<S>& frame) {
     auto& p = map.point(id);
     const int octave =
         expected_octave(p.reference_octave, p.reference_distance, static_cast<float>(seen.distance));

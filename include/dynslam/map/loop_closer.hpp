@@ -151,7 +151,7 @@ class LoopCloser {
   [[nodiscard]] std::optional<LoopClosing<S>> close(KeyframeMap<S, Patch>& map, PlaceIndex& index,
                                                     int keyframe, const Depth& depth) {
     if (keyframe < options_.min_gap) return std::nullopt;
-    const Frame<S>& frame = map.keyframe(keyframe).frame;
+    const FeatureFrame<S>& frame = map.keyframe(keyframe).frame;
     index.query(frame, candidates_);
     map.covisible(keyframe, options_.min_shared, neighbours_);
     int tried = 0;
@@ -272,7 +272,7 @@ class LoopCloser {
   template <class Patch>
   int merge_into(KeyframeMap<S, Patch>& map, int keyframe) {
     int merged = 0;
-    const Frame<S>& frame = map.keyframe(keyframe).frame;
+    const FeatureFrame<S>& frame = map.keyframe(keyframe).frame;
     GuidedQuery query;
     query.radius = options_.merge_radius;
     query.max_distance = options_.merge_distance;

@@ -15,7 +15,7 @@
 #include "dynslam/config.hpp"
 #include "dynslam/dynamics/mask_arbitration.hpp"
 #include "dynslam/geometry/se3.hpp"
-#include "dynslam/map/frame.hpp"
+#include "dynslam/map/feature_frame.hpp"
 #include "dynslam/map/matched_pose.hpp"
 #include "dynslam/optim/pose.hpp"
 
@@ -46,7 +46,7 @@ MaskedPoseResult<S> masked_pose(MatchedPose<S, Camera>& estimator, const Map& ma
                                 const SE3<std::type_identity_t<S>>& start,
                                 std::span<const std::vector<std::uint8_t>> masks,
                                 const MaskArbitrationOptions<std::type_identity_t<S>>& options,
-                                Frame<S>& frame, Forget&& forget, MaskedPoseWorkspace& ws) {
+                                FeatureFrame<S>& frame, Forget&& forget, MaskedPoseWorkspace& ws) {
   MaskedPoseResult<S> result;
   ws.point = frame.point;
   const auto matches = std::count_if(ws.point.begin(), ws.point.end(), [](int p) { return p >= 0; });

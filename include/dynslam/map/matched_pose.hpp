@@ -44,7 +44,7 @@ class MatchedPose {
 
   /// Collects what the matches tell. The calls below that take no map go by the last collection.
   template <class Map>
-  void gather(const Map& map, const Frame<S>& frame) {
+  void gather(const Map& map, const FeatureFrame<S>& frame) {
     observations_.clear();
     feature_.clear();
     constexpr std::size_t kAhead = 8;
@@ -71,7 +71,7 @@ class MatchedPose {
   }
 
   /// Drops the matches whose squared normalised error is `max_chi2` or more.
-  void keep_consistent(const SE3<S>& T_c_w, S max_chi2, Frame<S>& frame) const {
+  void keep_consistent(const SE3<S>& T_c_w, S max_chi2, FeatureFrame<S>& frame) const {
     for (std::size_t k = 0; k < observations_.size(); ++k) {
       if (observation_chi2(camera_, T_c_w, observations_[k]) >= max_chi2)
         frame.point[static_cast<std::size_t>(feature_[k])] = -1;
@@ -98,7 +98,7 @@ class MatchedPose {
 
   /// Collects, optimises from `start` (optimize_pose()) and drops the matches that are outliers then.
   template <class Map>
-  PoseResult<S> optimize(const Map& map, const SE3<S>& start, Frame<S>& frame) {
+  PoseResult<S> optimize(const Map& map, const SE3<S>& start, FeatureFrame<S>& frame) {
     gather(map, frame);
     PoseOptions<S> options;
     options.min_pixel_scale = options_.min_pixel_scale;
@@ -123,7 +123,7 @@ class MatchedPose {
   /// @param T_c_w   its result
   /// @param speed   see ReadoutMeasurement::begin_image()
   /// @param height  of the image [px]
-  void measure_readout(const Frame<S>& frame, const SE3<S>& T_c_w, const Eigen::Matrix<S, 6, 1>& speed,
+  void measure_readout(const FeatureFrame<S>& frame, const SE3<S>& T_c_w, const Eigen::Matrix<S, 6, 1>& speed,
                        int height, ReadoutMeasurement<S>& out) const {
     const S middle = S(height - 1) / S(2);
     out.begin_image(frame.t, T_c_w, speed);

@@ -86,8 +86,8 @@ class PlaceVerifier {
   /// the same poster, so what else the map has in view must not be seen through by `depth`.
   /// @param depth  the frame's depth image [m]
   template <class Patch, DepthImage Depth>
-  [[nodiscard]] PlaceResult<S> verify(KeyframeMap<S, Patch>& map, const Frame<S>& frame, const Depth& depth,
-                                      int keyframe) {
+  [[nodiscard]] PlaceResult<S> verify(KeyframeMap<S, Patch>& map, const FeatureFrame<S>& frame,
+                                      const Depth& depth, int keyframe) {
     PlaceResult<S> result;
     propose(map, frame, map.keyframe(keyframe).frame);
     if (!enough(options_.min_matches)) return result;
@@ -121,7 +121,8 @@ class PlaceVerifier {
 
   /// Matches by descriptor alone: every point of the keyframe with every feature.
   template <class Patch>
-  void propose(const KeyframeMap<S, Patch>& map, const Frame<S>& frame, const Frame<S>& keyframe) {
+  void propose(const KeyframeMap<S, Patch>& map, const FeatureFrame<S>& frame,
+               const FeatureFrame<S>& keyframe) {
     start_matching(frame);
     for (std::size_t j = 0; j < keyframe.features.size(); ++j) {
       const int id = keyframe.point[j];
@@ -149,7 +150,7 @@ class PlaceVerifier {
 
   /// Matches of the points around the keyframe, where the pose says that they are.
   template <class Patch>
-  void search(KeyframeMap<S, Patch>& map, const Frame<S>& frame, int keyframe, const SE3<S>& T_c_w) {
+  void search(KeyframeMap<S, Patch>& map, const FeatureFrame<S>& frame, int keyframe, const SE3<S>& T_c_w) {
     map.covisible(keyframe, options_.neighbour_shared, around_, options_.neighbours);
     around_.insert(around_.begin(), {0, keyframe});
     start_matching(frame);
@@ -168,7 +169,7 @@ class PlaceVerifier {
     }
   }
 
-  void find(const Vector3& p_w, const Descriptor& descriptor, const Frame<S>& frame, int id,
+  void find(const Vector3& p_w, const Descriptor& descriptor, const FeatureFrame<S>& frame, int id,
             const SE3<S>& T_c_w) {
     const auto x = camera_.project(T_c_w * p_w);
     if (!x) return;
@@ -192,14 +193,14 @@ class PlaceVerifier {
     point_of_feature_[best] = id;
   }
 
-  void start_matching(const Frame<S>& frame) {
+  void start_matching(const FeatureFrame<S>& frame) {
     matches_.clear();
     distance_of_feature_.assign(frame.features.size(), kDescriptorBits + 1);
     point_of_feature_.assign(frame.features.size(), -1);
   }
 
   template <class Patch>
-  void observe_matches(const KeyframeMap<S, Patch>& map, const Frame<S>& frame) {
+  void observe_matches(const KeyframeMap<S, Patch>& map, const FeatureFrame<S>& frame) {
     observations_.clear();
     for (const auto& [feature, id] : matches_)
       observations_.push_back(
@@ -208,7 +209,7 @@ class PlaceVerifier {
 
   /// The pose from the matches, which lose their outliers.
   template <class Patch>
-  [[nodiscard]] PoseResult<S> refine(const KeyframeMap<S, Patch>& map, const Frame<S>& frame,
+  [[nodiscard]] PoseResult<S> refine(const KeyframeMap<S, Patch>& map, const FeatureFrame<S>& frame,
                                      const SE3<S>& start) {
     observe_matches(map, frame);
     const PoseResult<S> result =

@@ -54,7 +54,7 @@ class PointMaker {
         rows_(static_cast<int>(static_cast<float>(height) / options.spacing) + 1) {}
 
   /// All features may make points.
-  void trust_all(const Frame<S>& frame) { trusted_.assign(frame.features.size(), 1); }
+  void trust_all(const FeatureFrame<S>& frame) { trusted_.assign(frame.features.size(), 1); }
 
   /// Only features on surfaces that are known to have stayed may make points, where there are enough of them:
   /// a mover that has just come into view is not found yet, and newly seen parts have to wait until they are
@@ -62,7 +62,7 @@ class PointMaker {
   /// @param verified  verified(u, v) -> bool: the surface at a recorded pixel was seen in the same place long
   /// before
   template <class Verified>
-  void trust(const Frame<S>& frame, Verified&& verified) {
+  void trust(const FeatureFrame<S>& frame, Verified&& verified) {
     trust_all(frame);
     int known = 0;
     for (std::size_t i = 0; i < frame.features.size(); ++i) {
@@ -77,7 +77,7 @@ class PointMaker {
   /// @param pyramid  of the frame's image, for patches
   /// @return number of features with a point, outside the dynamic flags
   template <class Map, ImagePyramidLike P>
-  int make(Map& map, const P& pyramid, Frame<S>& frame) {
+  int make(Map& map, const P& pyramid, FeatureFrame<S>& frame) {
     DYNSLAM_ASSERT(trusted_.size() == frame.features.size(), "every feature is trusted or not");
     occupy(frame);
     const SE3<S> T_w_c = frame.T_c_w.inverse();
@@ -105,7 +105,7 @@ class PointMaker {
                                     static_cast<int>(f.u / options_.spacing));
   }
 
-  void occupy(const Frame<S>& frame) {
+  void occupy(const FeatureFrame<S>& frame) {
     occupied_.assign(static_cast<std::size_t>(columns_ * rows_), 0);
     for (std::size_t i = 0; i < frame.features.size(); ++i) {
       if (frame.point[i] >= 0 && frame.dynamic[i] == 0) occupied_[cell_of(frame.features[i])] = 1;
@@ -133,7 +133,7 @@ class PointMaker {
   }
 
   template <class Map, ImagePyramidLike P>
-  [[nodiscard]] typename Map::PointType point(const Map& map, const Frame<S>& frame, std::size_t i,
+  [[nodiscard]] typename Map::PointType point(const Map& map, const FeatureFrame<S>& frame, std::size_t i,
                                               const Vector3& p_c, const SE3<S>& T_w_c,
                                               const P& pyramid) const {
     const Feature& f = frame.features[i];

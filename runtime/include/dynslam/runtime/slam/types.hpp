@@ -11,7 +11,7 @@
 #include "dynslam/features/patch_matcher.hpp"
 #include "dynslam/geometry/any_camera.hpp"
 #include "dynslam/geometry/pinhole.hpp"
-#include "dynslam/map/frame.hpp"
+#include "dynslam/map/feature_frame.hpp"
 #include "dynslam/map/keyframe_map.hpp"
 #include "dynslam/map/loop_closer.hpp"
 #include "dynslam/map/place_verifier.hpp"
@@ -20,7 +20,7 @@
 namespace dynslam::runtime {
 
 /// An image's features and pose.
-using Frame = dynslam::Frame<double>;
+using Frame = dynslam::FeatureFrame<double>;
 /// Keyframes and points, with the patches they are found by.
 using LocalMap = KeyframeMap<double, PointPatch>;
 /// A point of it.

@@ -17,7 +17,7 @@ namespace dynslam {
 
 /// What a tracker keeps of one image: its features, what they show, and where it was taken.
 template <Scalar S = double>
-struct Frame {
+struct FeatureFrame {
   std::size_t index = 0;  ///< in its sequence
   double t = 0;           ///< seconds; double whatever the scalar: a float holds no time stamp
   std::vector<Feature> features;
