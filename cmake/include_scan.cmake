@@ -3,8 +3,8 @@
 #
 # Checks what the headers below ROOT/include/dynslam, and headers and sources below ROOT/runtime and ROOT/tools include:
 #  - core headers: the C++ standard library (but not its streams, files and threads), Eigen and the core; and
-#    wide_vectors.hpp alone the compiler's vector instructions;
-#  - inside the core in one direction: config and wide_vectors <- concepts <- image, geometry, robust <- the other folders;
+#    detail/wide_vectors.hpp alone the compiler's vector instructions;
+#  - inside the core in one direction: config and detail/ <- concepts <- image, geometry, robust <- the other folders;
 #  - interop headers: the core and one library, never the runtime;
 #  - the umbrella header dynslam.hpp: every header of the core;
 #  - the runtime and the tools in one direction: threads <- ground <- io <- nets <- slam <- config, then synth, run, inspect
@@ -24,7 +24,7 @@ set(std_headers
 
 # The layer of a header given by its path below include/dynslam/.
 function(layer path out)
-  if(path MATCHES "^(config|wide_vectors|push_macros|pop_macros)\\.hpp$")
+  if(path MATCHES "^(config|push_macros|pop_macros)\\.hpp$|^detail/")
     set(${out} 0 PARENT_SCOPE)
   elseif(path MATCHES "^concepts/")
     set(${out} 1 PARENT_SCOPE)
@@ -75,7 +75,7 @@ foreach(header IN LISTS headers)
       endif()
     elseif(included MATCHES "^(Eigen|unsupported/Eigen)/" OR included IN_LIST std_headers)
     elseif(interop AND included MATCHES "^(opencv2|octomap)/")
-    elseif(self STREQUAL "wide_vectors.hpp" AND included STREQUAL "immintrin.h")
+    elseif(self STREQUAL "detail/wide_vectors.hpp" AND included STREQUAL "immintrin.h")
     else()
       set(reason "not std, Eigen or the core of dynslam, or a part of std that the core does not use")
     endif()

@@ -16,7 +16,7 @@
 #ifdef DYNSLAM_BENCH_OPENCV
 #include <opencv2/features2d.hpp>
 #endif
-#include "dynslam/features/multi_index.hpp"
+#include "dynslam/features/place_index.hpp"
 #include "support/descriptors.hpp"
 #include "support/named.hpp"
 

@@ -3,7 +3,7 @@
 #include <doctest/doctest.h>
 
 #include "cameras.hpp"
-#include "dynslam/features/multi_index.hpp"
+#include "dynslam/features/place_index.hpp"
 #include "dynslam/map/loop_closer.hpp"
 #include "dynslam/map/place_verifier.hpp"
 #include "round_room.hpp"

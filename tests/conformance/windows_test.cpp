@@ -7,14 +7,15 @@
 #include <span>
 #include <vector>
 
+#include "dynslam/detail/wide_vectors.hpp"
 #include "dynslam/dynamics/residual_batch.hpp"
+#include "dynslam/geometry/detail/normalised_matches.hpp"
 #include "dynslam/geometry/epipolar.hpp"
 #include "dynslam/geometry/epipolar_rows.hpp"
 #include "dynslam/geometry/fundamental_search.hpp"
 #include "dynslam/geometry/hartley.hpp"
 #include "dynslam/geometry/homography.hpp"
 #include "dynslam/geometry/minimal_models.hpp"
-#include "dynslam/geometry/normalised_matches.hpp"
 #include "dynslam/geometry/pixel_ray.hpp"
 #include "dynslam/geometry/ray_consensus.hpp"
 #include "dynslam/geometry/ray_matches.hpp"
@@ -24,7 +25,6 @@
 #include "dynslam/optim/pose_consensus.hpp"
 #include "dynslam/robust/consensus.hpp"
 #include "dynslam/robust/kernels.hpp"
-#include "dynslam/wide_vectors.hpp"
 #include "scene.hpp"
 
 using namespace dynslam;

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "dynslam/concepts/camera.hpp"
-#include "dynslam/features/multi_index.hpp"
+#include "dynslam/features/place_index.hpp"
 #include "dynslam/image/image.hpp"
 #include "dynslam/map/keyframe_map.hpp"
 #include "random.hpp"

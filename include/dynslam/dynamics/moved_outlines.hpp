@@ -15,8 +15,8 @@
 #include "dynslam/image/depth.hpp"
 #include "dynslam/image/image.hpp"
 #include "dynslam/segment/connectivity.hpp"
+#include "dynslam/segment/detail/growing_field.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
-#include "dynslam/segment/growing_field.hpp"
 #include "dynslam/segment/region_growing.hpp"
 
 namespace dynslam {

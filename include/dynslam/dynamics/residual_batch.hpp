@@ -17,12 +17,12 @@
 
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/config.hpp"
+#include "dynslam/detail/wide_vectors.hpp"
 #include "dynslam/dynamics/static_weight.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/robust/t_distribution.hpp"
-#include "dynslam/wide_vectors.hpp"
 
 namespace dynslam {
 

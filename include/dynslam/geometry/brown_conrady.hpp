@@ -12,7 +12,7 @@
 #include <limits>
 #include <optional>
 
-#include "dynslam/geometry/first_root.hpp"
+#include "dynslam/geometry/detail/first_root.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 
 namespace dynslam {

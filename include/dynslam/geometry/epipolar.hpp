@@ -20,11 +20,11 @@
 #include <vector>
 
 #include "dynslam/concepts/camera.hpp"
+#include "dynslam/geometry/detail/normalised_matches.hpp"
 #include "dynslam/geometry/epipolar_distance.hpp"
 #include "dynslam/geometry/fundamental_search.hpp"
 #include "dynslam/geometry/hartley.hpp"
 #include "dynslam/geometry/homography.hpp"
-#include "dynslam/geometry/normalised_matches.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/robust/consensus.hpp"

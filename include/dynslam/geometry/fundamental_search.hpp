@@ -13,10 +13,10 @@
 #include <optional>
 #include <vector>
 
+#include "dynslam/geometry/detail/normalised_matches.hpp"
 #include "dynslam/geometry/epipolar_distance.hpp"
 #include "dynslam/geometry/homography.hpp"
 #include "dynslam/geometry/minimal_models.hpp"
-#include "dynslam/geometry/normalised_matches.hpp"
 #include "dynslam/geometry/so3.hpp"
 #include "dynslam/robust/consensus.hpp"
 

@@ -17,9 +17,9 @@
 #include <vector>
 
 #include "dynslam/concepts/scalar.hpp"
+#include "dynslam/geometry/detail/normalised_matches.hpp"
 #include "dynslam/geometry/hartley.hpp"
 #include "dynslam/geometry/minimal_models.hpp"
-#include "dynslam/geometry/normalised_matches.hpp"
 #include "dynslam/robust/consensus.hpp"
 
 namespace dynslam {

@@ -12,7 +12,7 @@
 
 #include "dynslam/concepts/camera.hpp"
 #include "dynslam/concepts/scalar.hpp"
-#include "dynslam/geometry/first_root.hpp"
+#include "dynslam/geometry/detail/first_root.hpp"
 
 namespace dynslam {
 

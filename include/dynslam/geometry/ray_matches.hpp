@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "dynslam/geometry/normalised_matches.hpp"
+#include "dynslam/geometry/detail/normalised_matches.hpp"
 #include "dynslam/geometry/pixel_ray.hpp"
 #include "dynslam/geometry/so3.hpp"
 #include "dynslam/robust/consensus.hpp"

@@ -17,7 +17,7 @@
 #include "dynslam/concepts/camera.hpp"
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/features/guided_match.hpp"
-#include "dynslam/features/multi_index.hpp"
+#include "dynslam/features/place_index.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/map/keyframe_map.hpp"

@@ -7,7 +7,7 @@
 #include <concepts>
 
 #include "dynslam/concepts/image.hpp"
-#include "dynslam/segment/depth_lanes.hpp"
+#include "dynslam/segment/detail/depth_lanes.hpp"
 
 namespace dynslam {
 

@@ -13,7 +13,7 @@
 #include "dynslam/config.hpp"
 #include "dynslam/image/image.hpp"
 #include "dynslam/segment/connectivity.hpp"
-#include "dynslam/segment/growing_field.hpp"
+#include "dynslam/segment/detail/growing_field.hpp"
 #include "dynslam/segment/mask.hpp"
 #include "dynslam/segment/region_growing.hpp"
 

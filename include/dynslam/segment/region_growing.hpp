@@ -14,8 +14,8 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/image/image_row.hpp"
 #include "dynslam/segment/connectivity.hpp"
+#include "dynslam/segment/detail/growing_field.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
-#include "dynslam/segment/growing_field.hpp"
 #include "dynslam/segment/pixel_runs.hpp"
 #include "dynslam/segment/valid_depth_share.hpp"
 

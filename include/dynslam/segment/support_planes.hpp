@@ -14,7 +14,7 @@
 
 #include "dynslam/image/depth.hpp"
 #include "dynslam/image/image.hpp"
-#include "dynslam/segment/growing_field.hpp"
+#include "dynslam/segment/detail/growing_field.hpp"
 #include "dynslam/segment/region_growing.hpp"
 
 namespace dynslam {

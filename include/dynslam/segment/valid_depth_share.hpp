@@ -9,7 +9,7 @@
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/image/image_row.hpp"
-#include "dynslam/segment/depth_lanes.hpp"
+#include "dynslam/segment/detail/depth_lanes.hpp"
 
 namespace dynslam {
 

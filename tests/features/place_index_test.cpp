@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/features/multi_index.hpp"
+#include "dynslam/features/place_index.hpp"
 
 #include <doctest/doctest.h>
 

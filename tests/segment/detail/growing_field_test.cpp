@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/segment/growing_field.hpp"
+#include "dynslam/segment/detail/growing_field.hpp"
 
 #include <doctest/doctest.h>
 

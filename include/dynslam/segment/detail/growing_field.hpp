@@ -15,7 +15,7 @@
 #include "dynslam/image/depth.hpp"
 #include "dynslam/image/image_row.hpp"
 #include "dynslam/segment/connectivity.hpp"
-#include "dynslam/segment/depth_lanes.hpp"
+#include "dynslam/segment/detail/depth_lanes.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
 #include "dynslam/segment/pixel_runs.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/geometry/first_root.hpp"
+#include "dynslam/geometry/detail/first_root.hpp"
 
 #include <doctest/doctest.h>
 
