@@ -26,6 +26,7 @@
 #include "dynslam/dynamics/motion_segmenter.hpp"
 #include "dynslam/dynamics/motion_segmenter_options.hpp"
 #include "dynslam/dynamics/moved_outlines.hpp"
+#include "dynslam/dynamics/pose_check.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/residual_batch.hpp"
 #include "dynslam/dynamics/residuals.hpp"

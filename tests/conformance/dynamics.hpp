@@ -91,7 +91,7 @@ template <class Kind, class Camera>
       }
     }
   }
-  segmenter.clear();
+  segmenter.reset();
   out.put("clear", segmenter.has_reference() ? 1 : 0);
   found_share = static_cast<double>(found) / there;
   return out;

@@ -173,7 +173,7 @@ TEST_CASE_TEMPLATE("a frame whose time is not later than the last one's is refus
   CHECK(other.overlap() > 0.7);
 
   // The clock was set back: all that was before is forgotten.
-  scene.segmenter.clear();
+  scene.segmenter.reset();
   CHECK_FALSE(scene.segmenter.has_reference());
   TimedScene<S> young;
   for (int k = 0; k < 24; ++k) {

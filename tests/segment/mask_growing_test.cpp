@@ -40,12 +40,12 @@ struct Cells {
 
 }  // namespace
 
-TEST_CASE("a region fills its object within reach of the seeds, holes included") {
+TEST_CASE("a region fills its object up to the barrier, holes included") {
   Cells cells;
   cells.plant(36, 26, 4);
   cells.depth(38, 32) = 2.5F;
   CHECK(cells.grow().seeds == 16);
-  CHECK(cells.count() == 16 * 18);  // eight cells from the seeds on: two rows at the end are out of reach
+  CHECK(cells.count() == 16 * 20);
   CHECK(cells.mask(30, 20) == 255);
   CHECK(cells.mask(29, 20) == 0);
   CHECK(cells.mask(38, 32) == 255);
@@ -63,7 +63,7 @@ TEST_CASE("few seeds on what is behind a mover are noise, however many the mover
   CHECK(cells.grow().seeds == 36);
   CHECK(cells.mask(44, 30) == 255);
   CHECK(cells.mask(47, 27) == 0);
-  CHECK(cells.count() == 14 * 20);  // as far as the reach
+  CHECK(cells.count() == 16 * 20);
 }
 
 TEST_CASE("single seeds are noise, and a region that fills the view has leaked") {
@@ -74,9 +74,7 @@ TEST_CASE("single seeds are noise, and a region that fills the view has leaked")
 
   Cells wall;
   wall.plant(4, 4, 4);
-  MaskGrowingOptions anywhere;
-  anywhere.reach = -1;
-  CHECK(wall.grow(anywhere).regions_leaked == 1);
+  CHECK(wall.grow().regions_leaked == 1);
   CHECK(wall.count() == 0);
 }
 
@@ -88,9 +86,7 @@ TEST_CASE("a board that is carried up to the camera keeps its mask until little 
     }
     near.plant(4, 4, 4);
     near.plant(30, 30, 4);
-    MaskGrowingOptions anywhere;
-    anywhere.reach = -1;
-    near.grow(anywhere);
+    near.grow();
     return near.count();
   };
   CHECK(covered(50) == 50 * 60);

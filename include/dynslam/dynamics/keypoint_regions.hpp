@@ -12,11 +12,11 @@
 #include <vector>
 
 #include "dynslam/dynamics/depth_grid.hpp"
-#include "dynslam/dynamics/free_space.hpp"
 #include "dynslam/dynamics/motion.hpp"
 #include "dynslam/image/image.hpp"
 #include "dynslam/segment/connected_components.hpp"
 #include "dynslam/segment/mask_growing.hpp"
+#include "dynslam/segment/support_planes.hpp"
 
 namespace dynslam {
 
@@ -24,27 +24,23 @@ namespace dynslam {
 struct KeypointRegionOptions {
   double radius = 1 / 16.0;  ///< how near others count, as a share of the image's width
   int support = 8;  ///< dynamic ones that must be there, itself included, and not fewer than static ones
-  /// How near to something nearer, as a share of the image's width, a keypoint's patch may show the other's rim.
-  double rim = 1 / 80.0;
 };
 
-/// The paper's geometric mask (Sec. 3.3): regions of the depth image grown from dynamic keypoints. A region that holds
-/// as many static keypoints as dynamic ones has leaked, and is dropped. Memory is kept between frames.
+/// The paper's geometric mask (Sec. 3.3): regions of the depth image grown from dynamic keypoints. They enter no floor,
+/// wall or table (split_supports()), and one that holds as many static keypoints as dynamic ones has leaked, and is
+/// dropped. Memory is kept between frames.
 template <std::floating_point S>
 class KeypointRegions {
  public:
   /// @param depth  of the cells [m]
   /// @param mask   out: 255 in regions
   MaskGrowingResult find(std::span<const JudgedMatch<S>> matches, const DepthGrid& grid, const Image<float>& depth,
-                         const KeypointRegionOptions& options, const FreeSpaceMargins<float>& margins,
-                         const MaskGrowingOptions& growing, Image<std::uint8_t>& mask) {
+                         const KeypointRegionOptions& options, const MaskGrowingOptions& growing,
+                         const SupportPlaneOptions& supports, Image<std::uint8_t>& mask) {
     const S radius = S(options.radius * grid.image_width());
-    const int rim = static_cast<int>(std::lround(options.rim * grid.width()));
     const int w = grid.width(), h = grid.height();
-    for (auto* image : {&seed_, &barrier_}) {
-      image->resize(w, h);
-      image->fill(0);
-    }
+    seed_.resize(w, h);
+    seed_.fill(0);
     for (const JudgedMatch<S>& m : matches) {
       const int c = grid.cell_at(static_cast<float>(m.x_m.x()), static_cast<float>(m.x_m.y()));
       if (c < 0 || !m.dynamic) continue;
@@ -54,12 +50,13 @@ class KeypointRegions {
         if ((other.x_m - m.x_m).cwiseAbs().maxCoeff() > radius) continue;
         ++(other.dynamic ? near : near_static);
       }
-      if (near < near_static || near < options.support || beside_nearer(depth, i, j, rim, margins)) continue;
+      if (near < near_static || near < options.support) continue;
       for (int y = std::max(0, j - 1); y <= std::min(h - 1, j + 1); ++y) {
         for (int x = std::max(0, i - 1); x <= std::min(w - 1, i + 1); ++x) seed_(x, y) = 1;
       }
     }
-    const MaskGrowingResult result = grow_mask(depth, seed_, barrier_, mask, growing, workspace_);
+    split_supports(grid, depth, growing.step, supports, plane_, supports_);
+    const MaskGrowingResult result = grow_mask(depth, seed_, plane_, mask, growing, workspace_);
     if (result.seeds > 0) drop_static(matches, grid, mask);
     return result;
   }
@@ -77,7 +74,9 @@ class KeypointRegions {
     }
   }
 
-  Image<std::uint8_t> seed_, barrier_;
+  Image<std::uint8_t> seed_;
+  Image<int> plane_;  // of each cell; 0: none
+  SupportPlaneWorkspace supports_;
   MaskGrowingWorkspace workspace_;
   Image<int> regions_;
   std::vector<int> sizes_, votes_;

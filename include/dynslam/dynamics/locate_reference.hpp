@@ -61,6 +61,21 @@ template <std::floating_point S, DepthImage D>
   return o;
 }
 
+namespace detail {
+/// What the matches that are not masked tell of the present pose, and the surface that each of them stands for.
+template <std::floating_point S, DepthImage D>
+void observe_reference(std::span<const KeypointMatch<S>> matches, const SE3<S>& T_ref_w, const D& depth,
+                       const SE3<S>& T_c_w_predicted, const LocateOptions<S>& options, LocateWorkspace<S>& workspace) {
+  const SE3<S> T_w_ref = T_ref_w.inverse();
+  workspace.observations.clear();
+  for (const KeypointMatch<S>& match : matches) {
+    if (!match.masked) workspace.observations.push_back(reference_observation(match, T_w_ref, depth, options));
+  }
+  surface_weights<S>(depth.width(), depth.height(), T_c_w_predicted, workspace.observations, options.surface,
+                     workspace.weights);
+}
+}  // namespace detail
+
 /// The pose that most of the surface agrees on which the matches of a reference keyframe stand for, masked
 /// ones left out: pose_consensus() with surface_weights(), then optimize_pose() on those that agree. Unlike a
 /// pose that is optimised on everything, it survives a mover with more texture than the room.
@@ -71,14 +86,8 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera, DepthImage D>
 [[nodiscard]] PoseConsensusResult<S> locate_reference(
     const Camera& camera, std::span<const KeypointMatch<S>> matches, const SE3<S>& T_ref_w, const D& depth,
     const SE3<S>& T_c_w_predicted, const LocateOptions<S>& options, LocateWorkspace<S>& workspace) {
-  const SE3<S> T_w_ref = T_ref_w.inverse();
   auto& observations = workspace.observations;
-  observations.clear();
-  for (const KeypointMatch<S>& match : matches) {
-    if (!match.masked) observations.push_back(reference_observation(match, T_w_ref, depth, options));
-  }
-  surface_weights<S>(depth.width(), depth.height(), T_c_w_predicted, observations, options.surface,
-                     workspace.weights);
+  detail::observe_reference(matches, T_ref_w, depth, T_c_w_predicted, options, workspace);
   auto found = pose_consensus<S>(camera, observations, workspace.weights, T_c_w_predicted, {},
                                  options.consensus, workspace.consensus);
   if (!found.ok()) return found;

@@ -18,8 +18,13 @@ enum class MotionStatus : std::uint8_t {
   ok,
   size_mismatch,  ///< an image of another size than the first one, or than its fellow: nothing was done
   /// A time that is not later than that of the frame last remembered, or not a number: nothing was done.
-  /// Where the clock was set back, clear() begins anew.
-  time_not_later
+  /// Where the clock was set back, reset() begins anew.
+  time_not_later,
+  /// The keypoints of the reference keyframe agree on no pose, so no mask would be right, and none is given.
+  pose_unsupported,
+  /// Next to all of the view would be dynamic: the pose is wrong or something stands right before the camera. No mask is
+  /// given.
+  covers_view
 };
 
 /// A keypoint of the reference keyframe in the present frame, and the verdict on it.
@@ -36,9 +41,11 @@ struct Motion {
   MotionStatus status = MotionStatus::ok;
   Image<std::uint8_t> mask;             ///< 255 where something moves in the depth image, at its size
   Image<std::uint8_t> verified;         ///< cells whose surface was in the same place long before
-  std::vector<JudgedMatch<S>> matches;  ///< mismatches left out; empty where too few were found
+  /// Empty where too few were found. Those off their epipolar curve are left out, or with Method::paper dynamic.
+  std::vector<JudgedMatch<S>> matches;
   // How it came about.
-  int tracked = 0;     ///< reference keypoints found
+  bool own_pose = false;  ///< the keypoints contradict the pose that was given: one of the segmenter's own was used
+  int tracked = 0;        ///< reference keypoints found
   int mismatches = 0;  ///< off their epipolar curve
   bool epipolar_used = false;
   int dynamic_matches = 0;
@@ -53,7 +60,7 @@ struct Motion {
     verified.fill(0);
     matches.clear();
     tracked = mismatches = dynamic_matches = seeds = regions_leaked = 0;
-    epipolar_used = false;
+    epipolar_used = own_pose = false;
     scales = {};
     return *this;
   }

@@ -23,6 +23,7 @@
 #include "dynslam/dynamics/motion.hpp"
 #include "dynslam/dynamics/motion_belief.hpp"
 #include "dynslam/dynamics/motion_segmenter_options.hpp"
+#include "dynslam/dynamics/pose_check.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
 #include "dynslam/features/corners.hpp"
@@ -87,21 +88,24 @@ class MotionSegmenter {
     t_ = t;
     pyramid_.build(gray, options_.reference.levels);
     reference_.track(rolling(), pyramid_, T_c_w, prior, options_.reference, matches_);
+    check_pose(depth, T_c_w, prior);
     on_stage(MotionStage::matching);
-    judge_matches(depth, T_c_w);
+    if (!motion_.ok()) return motion_;
+    judge_matches(depth, checked_.T_c_w);
     on_stage(MotionStage::residuals);
     grid_.reduce(depth, depth_, smooth_);
     if (options_.method == Method::full) {
-      motion_.seeds = belief_.update(grid_, depth_, smooth_, t, depth_pose(T_c_w), shutter_, motion_.matches, cell_mask_);
+      motion_.seeds = belief_.update(grid_, depth_, smooth_, t, depth_pose(checked_.T_c_w), shutter_, motion_.matches, cell_mask_);
     } else {
       belief_.forget_evidence(grid_);
-      const MaskGrowingResult grown = regions_.find(motion_.matches, grid_, depth_, options_.regions,
-                                                    options_.belief.free_space.margins, options_.growing, cell_mask_);
+      const MaskGrowingResult grown = regions_.find(motion_.matches, grid_, depth_, options_.regions, options_.growing,
+                                                    options_.belief.supports, cell_mask_);
       motion_.seeds = grown.seeds;
       motion_.regions_leaked = grown.regions_leaked;
     }
     motion_.verified = belief_.evidence().rested;
     on_stage(MotionStage::free_space);
+    if (options_.pose_check.use && covers_view()) return refuse(MotionStatus::covers_view);
     upsample_mask(cell_mask_.view(), depth_, depth, grid_, motion_.mask.view(), zone_);
     if (options_.method == Method::full && motion_.seeds > 0)
       complete_unmeasured(pyramid_.image(0), depth, motion_.mask.view(), options_.unmeasured, unmeasured_);
@@ -164,15 +168,17 @@ class MotionSegmenter {
   void remember(const SE3<S>& T_c_w, const M& mask) {
     if (!std::exchange(segmented_, false)) return;
     last_t_ = t_;
-    if (options_.method == Method::full) belief_.remember(grid_, depth_, t_, depth_pose(T_c_w), mask);
+    const SE3<S> T = checked_.host ? T_c_w : checked_.T_c_w;
+    if (options_.method == Method::full) belief_.remember(grid_, depth_, t_, depth_pose(T), mask);
     const bool wanted =
         reference_.empty() || t_ - reference_t_ >= options_.own_reference.max_age || reference_worn();
-    if (options_.own_reference.use && wanted) take_reference(T_c_w);
+    if (options_.own_reference.use && wanted) take_reference(T);
   }
 
   /// Forgets all frames, as where the clock was set back or another sequence begins.
-  void clear() {
+  void reset() {
     belief_.clear();
+    pose_check_.clear();
     reference_ = {};
     last_t_.reset();
     segmented_ = false;
@@ -182,6 +188,7 @@ class MotionSegmenter {
   /// new T_c_w = old T_c_w D.
   void follow(const SE3<S>& D) {
     belief_.follow(D);
+    pose_check_.follow(D);
     reference_.place(reference_.T_c_w() * D);
   }
 
@@ -231,6 +238,33 @@ class MotionSegmenter {
     return w == grid_.image_width() && h == grid_.image_height();
   }
 
+  /// Gives no mask. Where that has lasted for long, what is remembered is of no use any more.
+  const Motion<S>& refuse(MotionStatus why) {
+    if (t_ - reference_t_ >= options_.own_reference.max_age) reset();
+    return motion_.refuse(why);
+  }
+
+  [[nodiscard]] bool covers_view() const {
+    const auto valid = std::count_if(depth_.data(), depth_.data() + grid_.cells(), [](float z) { return is_valid_depth(z); });
+    return static_cast<double>(motion_.seeds) > options_.pose_check.most * static_cast<double>(valid);
+  }
+
+  /// Settles the pose that the frame's evidence rests on.
+  template <class D, class M>
+  void check_pose(const D& depth, const SE3<S>& T_c_w, const M& prior) {
+    checked_ = {T_c_w};
+    motion_.own_pose = false;
+    if (!options_.pose_check.use || matches_.size() < options_.weights.min_matches) return;
+    checked_ = pose_check_.check(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(), depth, T_c_w,
+                                 options_.locating, options_.pose_check);
+    if (!checked_.supported) {
+      refuse(MotionStatus::pose_unsupported);
+    } else if (!checked_.host) {
+      motion_.own_pose = true;
+      reference_.track(rolling(), pyramid_, checked_.T_c_w, prior, options_.reference, matches_);
+    }
+  }
+
   template <class D>
   void judge_matches(const D& depth, const SE3<S>& T_c_w) {
     motion_.tracked = static_cast<int>(matches_.size());
@@ -247,9 +281,14 @@ class MotionSegmenter {
     motion_.dynamic_matches = result.dynamic_matches;
     motion_.scales = result.scales;
     for (std::size_t k = 0; k < matches_.size(); ++k) {
-      if (result.mismatch[k] != 0 || result.invalid[k] != 0) continue;
-      if (options_.method == Method::full) reference_.mark(k, result.dynamic[k] != 0);
-      motion_.matches.push_back({matches_[k].x, matches_[k].x_m, result.weight[k], result.dynamic[k] != 0});
+      if (result.invalid[k] != 0) continue;
+      // A match whose patches look alike and that is off its epipolar curve moves as often as it is wrong. The paper has
+      // no other sign of what moves across the curves; the belief has, and leaves it.
+      const bool mismatch = result.mismatch[k] != 0;
+      if (mismatch && options_.method == Method::full) continue;
+      const bool moves = mismatch || result.dynamic[k] != 0;
+      reference_.mark(k, moves);
+      motion_.matches.push_back({matches_[k].x, matches_[k].x_m, result.weight[k], moves});
     }
   }
 
@@ -291,6 +330,8 @@ class MotionSegmenter {
   std::vector<KeypointMatch<S>> matches_;
   LocateWorkspace<S> locating_;
   StaticWeightsWorkspace<S> weights_;
+  PoseCheck<S> pose_check_;
+  typename PoseCheck<S>::Result checked_;  // the pose of the frame last segmented
   MotionBelief<S> belief_;
   Image<float> depth_;                                     // reduced
   Image<std::uint8_t> smooth_, cell_mask_, zone_;  // of the cells

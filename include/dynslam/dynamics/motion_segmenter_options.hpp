@@ -10,6 +10,7 @@
 #include "dynslam/dynamics/locate_reference.hpp"
 #include "dynslam/dynamics/method.hpp"
 #include "dynslam/dynamics/motion_belief.hpp"
+#include "dynslam/dynamics/pose_check.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
 #include "dynslam/features/corners.hpp"
@@ -33,6 +34,7 @@ struct MotionSegmenterOptions {
   ReferenceOptions reference;
   OwnReferenceOptions own_reference;
   LocateOptions<S> locating;
+  PoseCheckOptions pose_check;
   StaticWeightsOptions<S> weights;
   DepthGridOptions grid;
   MotionBeliefOptions belief;     ///< Method::full

@@ -23,7 +23,6 @@ namespace dynslam {
 struct MaskGrowingOptions {
   int min_seeds = 12;         ///< smaller groups of seeds are noise
   int min_region = 30;        ///< smaller regions are dropped
-  int reach = 8;              ///< pixels around seeds that a region may fill; < 0: any number
   int max_hole = 600;         ///< larger holes in a mask stay open
   double max_fraction = 0.9;  ///< share of the valid depth beyond which a region has leaked
   RelativeStep<float> step{0.03F, 0.010F};  ///< between neighbouring pixels [m, 1/m]: the sensor's noise
@@ -71,14 +70,14 @@ void remove_small_groups(const D& depth, Seed&& seed, int least, const Step& ste
 
 }  // namespace detail
 
-/// Grows regions from seeds over the depth image (paper, Sec. 3.3), within `reach` of them.
+/// Grows regions from seeds over the depth image (paper, Sec. 3.3).
 /// @param depth    [m], invalid = NaN or <= 0
 /// @param seed     in: nonzero where motion was seen; out: small groups cleared
-/// @param barrier  in: nonzero where growing must not enter; out: with what is out of reach
+/// @param barrier  nonzero where growing must not enter
 /// @param mask     out: 255 in regions, holes filled, else 0
 /// Images are of any type, of the depth's size; those that are written are given as references or views.
-template <DepthImage D, OutputLabelImage Seed, OutputLabelImage Barrier, OutputLabelImage Mask>
-MaskGrowingResult grow_mask(const D& depth, Seed&& seed, Barrier&& barrier, Mask&& mask,
+template <DepthImage D, OutputLabelImage Seed, LabelImage Barrier, OutputLabelImage Mask>
+MaskGrowingResult grow_mask(const D& depth, Seed&& seed, const Barrier& barrier, Mask&& mask,
                             const MaskGrowingOptions& options, MaskGrowingWorkspace& ws) {
   const int w = depth.width(), h = depth.height();
   DYNSLAM_ASSERT(same_size(depth, seed) && same_size(depth, barrier) && same_size(depth, mask),
@@ -91,20 +90,11 @@ MaskGrowingResult grow_mask(const D& depth, Seed&& seed, Barrier&& barrier, Mask
   for (int v = 0; v < h; ++v) {
     for (int u = 0; u < w; ++u) {
       if (seed(u, v) != 0) ws.seeds.push_back({u, v});
-      ws.zone(u, v) = seed(u, v) != 0 ? 1 : 0;
       mask(u, v) = 0;
     }
   }
   result.seeds = static_cast<int>(ws.seeds.size());
   if (ws.seeds.empty()) return result;
-  if (options.reach >= 0) {
-    dilate(ws.zone.view(), ws.zone.view(), options.reach, ws.morphology);
-    for (int v = 0; v < h; ++v) {
-      for (int u = 0; u < w; ++u) {
-        if (ws.zone(u, v) == 0) barrier(u, v) = 1;
-      }
-    }
-  }
   RegionGrowingOptions growing;
   growing.max_region_fraction = options.max_fraction;
   growing.max_total_fraction = std::max(growing.max_total_fraction, options.max_fraction);

@@ -79,9 +79,6 @@ void list(FieldList& f, KeypointEvidenceOptions& o) {
 void list(FieldList& f, KeypointRegionOptions& o) {
   f("radius", o.radius, "image widths", "distance within which other keypoints count", kShare);
   f("support", o.support, "keypoints", "dynamic keypoints that must be there, itself included", from(1));
-  f("rim", o.rim, "",
-    "distance to something nearer, as a share of the image's width, within which a keypoint does not count",
-    kShare);
 }
 
 void list(FieldList& f, RelativeStep<float>& o) {
@@ -139,8 +136,6 @@ void list(FieldList& f, FreeSpaceOptions& o) {
 void list(FieldList& f, MaskGrowingOptions& o) {
   f("min_seeds", o.min_seeds, "cells", "size below which a group of seeds is noise", kCount);
   f("min_region", o.min_region, "cells", "size below which a region is dropped", kCount);
-  f("reach", o.reach, "cells", "distance from fresh evidence that a region may fill; -1: any",
-    between(-1, 10000));
   f("max_hole", o.max_hole, "cells", "size up to which a hole in a mask is filled", kCount);
   f("max_fraction", o.max_fraction, "", "share of the valid depth above which a region has leaked", kShare);
   f.table("step", o.step);
@@ -197,7 +192,7 @@ void list(FieldList& f, MotionBeliefOptions& o) {
 void list(FieldList& f, MotionSegmenterOptions<double>& o) {
   // left out: method: [tracker] method goes for all
   // left out: own_reference: the tracker's keyframes are the references
-  // left out: locating: the tracker gives the pose
+  // left out: locating, pose_check: the tracker knows its pose
   f.table("reference", o.reference);
   f.table("weights", o.weights);
   f.table("grid", o.grid);

@@ -32,6 +32,7 @@ MotionSegmenterOptions<double> geometry_options(const TrackerOptions& options) {
   MotionSegmenterOptions<double> result = options.geometry;
   result.method = options.method;
   result.own_reference.use = false;  // keyframes serve
+  result.pose_check.use = false;     // what moves was looked for before the pose is given
   return result;
 }
 
@@ -112,7 +113,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   if (uses_geometry(options_.dynamics))
     geometry_.remember(now.T_c_w, interop::view<const std::uint8_t>(std::as_const(now.result.dynamic_mask)));
   if (wants_keyframe(now)) keep(now);
-  if (options_.method == Method::full && uses_geometry(options_.dynamics) && geometry_.reference_worn())
+  if (uses_geometry(options_.dynamics) && geometry_.reference_worn())
     set_reference(now.frame);
   now.result.T_w_c = now.frame.T_c_w.inverse();
   now.result.reference = map_.newest();

@@ -158,7 +158,7 @@ void Tracker::set_reference(const Frame& frame) {
     const Feature& f = frame.features[i];
     keypoints.push_back({Eigen::Vector2d(f.u, f.v), matcher_.placer().depth_of_row(f),
                          static_cast<double>(extractor_.scale(f.octave)),
-                         options_.method == Method::full && frame.dynamic[i] != 0});
+                         frame.dynamic[i] != 0});
   }
   geometry_.set_reference(keypoints, frame.T_c_w);
   reference_id_ = map_.newest();
