@@ -73,7 +73,7 @@ def masks():
     truth: masks of yolo11n-seg at 640 x 480 stand for it, so `semantic` and `both` are measured against a relative of
     themselves, and IoU means nothing.
 
-    dynslam run SEQ --dynamics MODE --save-masks; dynslam eval-masks RESULTS/masks TRUTH --widen 15"""
+    dynslam run SEQ --dynamics MODE --save-masks; dynslam eval-masks RESULTS/masks TRUTH --moving --widen 15"""
     rows = []
     for sequence, by in recorded():
         for mode in MODES[1:]:
@@ -152,7 +152,7 @@ def rendered():
 
     dynslam synth SEQ --path PATH --scenario SCENARIO --seed N --frames 90; dynslam run SEQ --dynamics MODE"""
     rows = []
-    for scenario, path in (("walking", "xyz"), ("walking", "halfsphere"), ("sitting", "halfsphere"), ("board", "xyz")):
+    for scenario, path in (("crowd", "xyz"), ("walking", "xyz"), ("walking", "halfsphere"), ("sitting", "halfsphere"), ("board", "xyz")):
         scenes = [sq.rendered(f"{scenario} {path} {n}", "--path", path, "--scenario", scenario, "--seed", n, "--frames",
                               90) for n in (1, 2, 3)]
         found = [measured(scene, MODES, [1]) for scene in scenes]

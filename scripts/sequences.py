@@ -199,7 +199,7 @@ def figures(sequence, folder):
                 result[name] = 100 * json.loads(done.stdout)["ate_m"]["rmse"]
     masks = folder / "masks"
     if masks.is_dir():
-        command = [PROGRAM, "eval-masks", masks]
+        command = [PROGRAM, "eval-masks", masks, "--moving"]
         if not sequence.still and sequence.truth:
             command += [sequence.truth, "--widen", WIDEN_PX]
             if sequence.truth_labels:

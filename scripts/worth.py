@@ -43,7 +43,7 @@ def sequences():
     for sequence in sq.composed("board", bonn, (54,), "crowd board", camera="bonn"):
         sequence.truth = None  # of the board alone, and people walk there, too
         found.append(sequence)
-    for scenario, path in (("walking", "xyz"), ("sitting", "halfsphere"), ("board", "halfsphere"), ("empty", "rpy")):
+    for scenario, path in (("crowd", "xyz"), ("walking", "xyz"), ("sitting", "halfsphere"), ("board", "halfsphere"), ("empty", "rpy")):
         found.append(sq.rendered(f"{scenario} {path} 4", "--path", path, "--scenario", scenario, "--seed", 4,
                                  "--frames", 120))
     return found

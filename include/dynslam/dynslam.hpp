@@ -30,7 +30,7 @@
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/residual_batch.hpp"
 #include "dynslam/dynamics/residuals.hpp"
-#include "dynslam/dynamics/resting.hpp"
+#include "dynslam/dynamics/standing.hpp"
 #include "dynslam/dynamics/static_weight.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
 #include "dynslam/eval/trajectory.hpp"

@@ -17,7 +17,7 @@
 #include "dynslam/concepts/image.hpp"
 #include "dynslam/dynamics/depth_grid.hpp"
 #include "dynslam/dynamics/free_space.hpp"
-#include "dynslam/dynamics/resting.hpp"
+#include "dynslam/dynamics/standing.hpp"
 #include "dynslam/features/corners.hpp"
 #include "dynslam/features/feature.hpp"
 #include "dynslam/features/feature_placer.hpp"
@@ -196,16 +196,9 @@ void cells_of(const ImageSet<S>& set, Record<double>& out) {
   upsample_mask(Kind::in(cell_mask), Kind::in(cell_depth), Kind::in(depth), grid, Kind::out(full), zone);
   put_image(out, "upsample_mask", Kind::in(full));
   const auto verified = [](int u, int) { return u > 45; };
-  const auto resting = resting_instances(Kind::in(instances), Kind::in(mask), Kind::in(depth), Kind::in(full),
-                                         verified, RestingOptions<S>{4, 40, S(0.4), S(1.1)});
-  out.put("resting_instances", resting.size() == 1 && resting[0] == 2);
-  auto parts = Kind::make(zero);
-  split_instances(
-      Kind::in(instances), [](int u, int) { return u > 30 ? 1 : 0; }, Kind::out(parts));
-  put_image(out, "split_instances", Kind::in(parts));
-  auto dynamic = Kind::make(set.mask), rest = Kind::make(zero);
-  give_back_resting(Kind::in(instances), resting, Kind::out(dynamic), Kind::out(rest));
-  put_image(out, "give_back_resting", Kind::in(rest));
+  auto standing = Kind::make(zero);
+  mark_standing(Kind::in(mask), verified, 4, Kind::out(standing));
+  put_image(out, "mark_standing", Kind::in(standing));
   auto carried = Kind::make(zero);
   // Seen from where it is, so that no pixel lies between two.
   carry_labels(camera, Kind::in(depth), Kind::in(instances), Kind::in(depth), SE3<S>(), Kind::out(carried));

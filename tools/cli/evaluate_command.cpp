@@ -13,6 +13,7 @@
 #include "dynslam/runtime/evaluation/evaluate.hpp"
 #include "dynslam/runtime/evaluation/map_leftovers.hpp"
 #include "dynslam/runtime/evaluation/mask_faults.hpp"
+#include "dynslam/runtime/slam/track_result.hpp"
 #include "format_options.hpp"
 #include "progress_line.hpp"
 #include "validators.hpp"
@@ -37,6 +38,7 @@ struct EvaluateCommand::Options {
   runtime::EvaluationOptions evaluation;
   runtime::MaskOptions reading_masks, reading_truth;
   int widen = 0;
+  bool moving = false;
   bool map = false;
   bool json = false;
 };
@@ -103,6 +105,9 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
   };
   add_labels("--mask-labels", o.reading_masks.labels, "predicted");
   add_labels("--truth-labels", o.reading_truth.labels, "true");
+  o.masks->add_flag("--moving", o.moving,
+                    "Of masks of dynslam, count what moves (255), and not what only may (128)")
+      ->excludes("--mask-labels");
   o.masks->add_flag("--json", o.json, "Print JSON");
   o.faults = app.add_subcommand("mask-faults", "Write wrong masks for a sequence, to see what they cost");
   o.faults->add_option("sequence", o.fault.sequence, "Folder of a sequence with ground truth, or its bag")
@@ -142,9 +147,13 @@ int EvaluateCommand::run() const {
     return print(runtime::evaluate_run(o.estimate, o.groundtruth, o.evaluation), o.json);
   if (*o.trajectory)
     return print(runtime::evaluate_trajectory(o.estimate, o.groundtruth, o.evaluation), o.json);
-  if (*o.masks && o.truth.empty()) return print(runtime::mask_shares(o.predicted, o.reading_masks), o.json);
-  if (*o.masks) return print(runtime::evaluate_masks(o.predicted, o.truth, o.widen, o.reading_masks, o.reading_truth),
-                                o.json);
+  if (*o.masks) {
+    runtime::MaskOptions reading = o.reading_masks;
+    if (o.moving)
+      reading.labels = {fmt::format("{}=person", runtime::kMovesNow), fmt::format("{}=at rest", runtime::kMayMove)};
+    return o.truth.empty() ? print(runtime::mask_shares(o.predicted, reading), o.json)
+                           : print(runtime::evaluate_masks(o.predicted, o.truth, o.widen, reading, o.reading_truth), o.json);
+  }
   ProgressLine line;
   runtime::write_mask_faults(o.fault, [&](std::size_t done, std::size_t total) {
     line.show(fmt::format("{}/{} masks", done, total));

@@ -122,9 +122,6 @@ class MotionBelief {
     evidence_.clear(grid.width(), grid.height(), options_.free_space.prior, options_.free_space.unseen);
   }
 
-  /// The connected surface of each cell, counted from 1; 0: none of a size worth telling.
-  [[nodiscard]] const Image<int>& surface() const { return outlines_.surface; }
-
   void follow(const SE3<S>& D) { history_.follow(D); }
   void clear() { history_.clear(); }
 

@@ -212,9 +212,6 @@ class MotionSegmenter {
   /// Whether the surface at a pixel of the frame last segmented was seen in the same place long before.
   [[nodiscard]] bool verified_static(float u, float v) const { return at_pixel(motion_.verified, u, v) != 0; }
 
-  /// The surface at a pixel of the frame last segmented, counted from 1; 0: none of a size worth telling.
-  [[nodiscard]] int surface(float u, float v) const { return at_pixel(belief_.surface(), u, v); }
-
  private:
   /// What an image of cells has at a pixel; 0 where it has nothing.
   template <class T>

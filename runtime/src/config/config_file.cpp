@@ -23,7 +23,10 @@ struct RemovedField {
 };
 constexpr std::string_view kBelief = "one belief of motion took its place, see [tracker.geometry.belief]";
 constexpr std::string_view kMargin = "masks have a margin instead, see [tracker.geometry] margin";
+constexpr std::string_view kPlanes = "regions enter no floor, wall or table, see [tracker.geometry.belief.supports]";
 constexpr std::array kRemoved{
+    RemovedField{"tracker.geometry.growing.reach", kPlanes},
+    RemovedField{"tracker.geometry.regions.rim", kPlanes},
     RemovedField{"tracker.geometry.growing.whole", kBelief},
     RemovedField{"tracker.geometry.growing.was", kBelief},
     RemovedField{"tracker.geometry.growing.still", kBelief},
@@ -36,6 +39,7 @@ constexpr std::array kRemovedTables{
     RemovedField{"tracker.geometry.free_space.margins", kBelief},
     RemovedField{"tracker.geometry.keypoint_seeds", kBelief},
     RemovedField{"tracker.geometry.outlines", kBelief},
+    RemovedField{"tracker.resting", "what stands is found for each surface, see [tracker.geometry.belief]"},
     RemovedField{"tracker.geometry.delay", kMargin},
     RemovedField{"tracker.geometry.delay.edge", kMargin},
 };

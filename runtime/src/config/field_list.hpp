@@ -79,7 +79,6 @@ void list(FieldList& f, FeatureOptions& o);
 void list(FieldList& f, PoseSearchOptions& o);
 void list(FieldList& f, ImageAlignmentOptions<double>& o);
 void list(FieldList& f, MotionSegmenterOptions<double>& o);
-void list(FieldList& f, RestingOptions<double>& o);
 void list(FieldList& f, MaskArbitrationOptions<double>& o);
 void list(FieldList& f, LocalMatchOptions<double>& o);
 void list(FieldList& f, MatchedPoseOptions<double>& o);

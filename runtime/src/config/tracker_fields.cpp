@@ -52,7 +52,6 @@ void list(FieldList& f, TrackerOptions& o) {
   f.table("points", o.points);
   f.table("keyframes", o.keyframes);
   f.table("coverage", o.coverage);
-  f.table("resting", o.resting);
   f.table("arbitration", o.arbitration);
   f.table("local_bundle", o.local_bundle);
   f.table("loops", o.loops);
@@ -144,14 +143,6 @@ void list(FieldList& f, ImageAlignmentOptions<double>& o) {
     kNotNegative);
   f("initial_damping", o.initial_damping, "", "damping of the first step", kPositive);
   f("min_damping", o.min_damping, "", "smallest damping", kPositive);
-}
-
-void list(FieldList& f, RestingOptions<double>& o) {
-  f("stride", o.stride, "px", "distance between the samples of an instance", between(1, 1000));
-  f("min_samples", o.min_samples, "", "samples with depth that it takes to judge an instance", from(1));
-  f("min_still", o.min_still, "",
-    "share of the samples that must have been seen in the same place long before", kShare);
-  f("max_moving", o.max_moving, "", "share of the samples that may lie on the mask of what moves", kShare);
 }
 
 void list(FieldList& f, MaskArbitrationOptions<double>& o) {

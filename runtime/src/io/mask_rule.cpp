@@ -248,7 +248,7 @@ void MaskRule::decide_grey(const Survey& survey) {
     for (std::uint8_t label = 0; label <= kOwnLabels; ++label)
       meanings_[label] = {label == static_cast<std::uint8_t>(Label::person), label};
     reason_ = "label images (1 person, 2 chair, 3 display), dynamic where 1";
-  } else if (top >= kMaskHalf && (survey.mostly(top) || values.size() >= kContinuous)) {
+  } else if (top >= kMaskHalf && (survey.mostly(top) || values.front() >= kMaskHalf || values.size() >= kContinuous)) {
     how_ = How::above;
     value_ = kMaskHalf;
     reason_ = fmt::format("grey masks, dynamic where {} or more", kMaskHalf);

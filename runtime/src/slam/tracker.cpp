@@ -96,8 +96,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
     end_last_keyframe();
     ++lost_frames_;
     last_moving_.release();
-    resting_.release();  // where somebody sat is known only as long as the camera's place is
-    standing_.release();
+    standing_.release();  // where somebody stood is known only as long as the camera's place is
     return now.finish();
   }
 
@@ -110,8 +109,8 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   end_last_keyframe();
   accept(now);
   now.done(Stage::pose);
-  if (uses_geometry(options_.dynamics))
-    geometry_.remember(now.T_c_w, interop::view<const std::uint8_t>(std::as_const(now.result.dynamic_mask)));
+  const cv::Mat moves = moves_now(now.result);
+  if (uses_geometry(options_.dynamics)) geometry_.remember(now.T_c_w, interop::view<const std::uint8_t>(moves));
   if (wants_keyframe(now)) keep(now);
   if (uses_geometry(options_.dynamics) && geometry_.reference_worn())
     set_reference(now.frame);
@@ -119,7 +118,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.result.reference = map_.newest();
   now.result.T_c_reference = now.frame.T_c_w * map_.pose(map_.newest()).inverse();
   recover(now);
-  remember_last(now);
+  remember_last(now, moves);
   now.done(Stage::keyframe);
   return now.finish();
 }
@@ -169,7 +168,7 @@ void Tracker::start_map(Present& now) {
   if (uses_geometry(options_.dynamics))
     geometry_.remember(now.frame.T_c_w,
                        interop::view<const std::uint8_t>(std::as_const(now.result.dynamic_mask)));
-  remember_last(now);
+  remember_last(now, now.result.dynamic_mask);
 }
 
 /// Forgets what was matched and how the camera was found to move.

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "dynslam/dynamics/standing.hpp"
 #include "dynslam/features/masked_features.hpp"
 #include "dynslam/interop/opencv.hpp"
 #include "slam/tracker_present.hpp"
@@ -37,16 +38,11 @@ void Tracker::mask_a_priori(Present& now, const std::optional<Masks>& prior) con
   }
   now.prior = &*prior;
   now.semantic = widened(prior->dynamic, options_.semantic_dilation);
-  if (!resting_.empty()) now.semantic.setTo(0, resting_);  // of the frame before: people hardly jump in one
+  if (!standing_.empty()) now.semantic.setTo(0, standing_);  // of the frame before: people hardly jump in one
   flag(now.frame, now.semantic, now.frame.dynamic);
   // The margin keeps features off a mover's rim; the mask that is handed on is the object itself.
-  now.result.dynamic_mask = prior->dynamic.clone();
+  cv::compare(prior->dynamic, 0, now.result.dynamic_mask, cv::CMP_NE);
   now.covers_view = unmasked_share<double>(now.frame.dynamic) < options_.arbitration.min_left;
-  if (!now.covers_view && !standing_.empty()) {
-    now.semantic.setTo(0, standing_);
-    std::fill(now.frame.dynamic.begin(), now.frame.dynamic.end(), 0);
-    flag(now.frame, now.semantic, now.frame.dynamic);
-  }
 }
 
 /// Goes on without the a-priori mask, as far as the pose is concerned. @return whether there was one
@@ -157,43 +153,22 @@ void Tracker::find_movers(Present& now) {
   now.moving_widened =
       cv::countNonZero(now.moving) > 0 ? widened(now.moving, options_.feature_margin) : now.moving;
   if (now.prior != nullptr && options_.method == Method::full) {
-    give_back_resting(now);
     find_standing(now);
   }
   now.watch.lap_ms();
 }
 
-/// Takes what of the instances has not moved for long out of the mask: its points serve the pose, but the
-/// map, which goes by labels, never gets its surface.
-void Tracker::give_back_resting(Present& now) {
-  resting_.create(now.result.dynamic_mask.size(), CV_8UC1);
-  resting_.setTo(0);
-  if (now.prior->instances.empty()) return;
-  parts_.create(resting_.size(), CV_16UC1);
-  split_instances(
-      interop::view<const std::uint16_t>(now.prior->instances),
-      [&](int u, int v) { return geometry_.surface(static_cast<float>(u), static_cast<float>(v)); },
-      interop::view<std::uint16_t>(parts_));
-  const auto instances = interop::view<const std::uint16_t>(std::as_const(parts_));
-  const auto at_rest = resting_instances(
-      instances, interop::view<const std::uint8_t>(now.prior->dynamic), now.depth,
-      interop::view<const std::uint8_t>(std::as_const(now.moving)),
-      [&](int u, int v) { return geometry_.verified_static(static_cast<float>(u), static_cast<float>(v)); },
-      options_.resting);
-  auto dynamic = interop::view<std::uint8_t>(now.result.dynamic_mask);
-  auto resting = interop::view<std::uint8_t>(resting_);
-  dynslam::give_back_resting(instances, at_rest, dynamic, resting);
-}
-
-/// What stands where it stood long before serves the pose, whatever an a-priori mask says of it. The mask
-/// that is handed on stays as it is: what may move stays out of the map for as long as the network says so.
-void Tracker::find_standing(const Present& now) {
+/// Finds what stands where it stood long before. It is used for the pose whatever an a-priori mask says of it, and stays in
+/// the mask that is output, as something that may move.
+void Tracker::find_standing(Present& now) {
+  constexpr int kStride = 4;  // [px]
   standing_.create(now.result.dynamic_mask.size(), CV_8UC1);
   standing_.setTo(0);
   mark_standing(
       interop::view<const std::uint8_t>(std::as_const(now.moving_widened)),
-      [&](int u, int v) { return geometry_.verified_static(static_cast<float>(u), static_cast<float>(v)); },
-      options_.resting.stride, interop::view<std::uint8_t>(standing_));
+      [&](int u, int v) { return geometry_.verified_static(static_cast<float>(u), static_cast<float>(v)); }, kStride,
+      interop::view<std::uint8_t>(standing_));
+  now.result.dynamic_mask.setTo(kMayMove, standing_ & now.result.dynamic_mask);
 }
 
 /// Optimises the pose again on what the fused mask leaves (paper, step 10), or what is left by that part of

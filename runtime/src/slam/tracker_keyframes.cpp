@@ -97,14 +97,14 @@ int Tracker::make_first_points(const ImagePyramid& pyramid, Frame& frame) {
   return tracked;
 }
 
-void Tracker::remember_last(Present& now) {
+void Tracker::remember_last(Present& now, const cv::Mat& moves) {
   last_ = std::move(now.frame);
   last_shutter_ = matcher_.placer().rolling_shutter();
   last_ns_ = now.input.ns;
   last_reference_ = map_.newest();
   now.moving.copyTo(last_moving_);
   if (additions_.image_alignment)
-    last_view_.remember(now.image->pyramid, now.depth, now.result.dynamic_mask, last_moving_);
+    last_view_.remember(now.image->pyramid, now.depth, moves, last_moving_);
   if (!additions_.second_look && !began_at_rest_) return;
   const std::vector<cv::Mat>& levels = now.image->pyramid.levels;
   cv::Mat own = last_pyramid_.levels.empty() ? cv::Mat() : last_pyramid_.levels.front();

@@ -75,6 +75,11 @@ inline cv::Mat widened(const cv::Mat& mask, int margin) {
   return result;
 }
 
+/// Of what moves and what only may, what moves (255).
+inline cv::Mat moves_now(const TrackResult& result) {
+  return result.dynamic_mask == kMovesNow;
+}
+
 /// Flags, beside those that are set, the features of a frame that lie on a mask.
 inline void flag(const Frame& frame, const cv::Mat& mask, std::vector<std::uint8_t>& flags) {
   flags.resize(frame.features.size(), 0);

@@ -65,6 +65,10 @@ struct RecoveredPose {
   int inliers = 0;
 };
 
+/// Values of TrackResult::dynamic_mask. Whoever asks for what moves compares with the first; a map of what will be there
+/// tomorrow leaves out both.
+inline constexpr std::uint8_t kMovesNow = 255, kMayMove = 128;
+
 /// What tracking a frame gave.
 struct TrackResult {
   TrackingState state = TrackingState::not_initialised;
@@ -84,7 +88,9 @@ struct TrackResult {
   std::optional<SeparatePose> separate;  ///< of a lost frame that another map has; see NewMapOptions
   std::optional<RecoveredPose> revised;  ///< the frame before, by how the camera is known now to have moved
   std::vector<RecoveredPose> recovered;  ///< of the loss that this frame ends, in their order
-  cv::Mat dynamic_mask;                  ///< CV_8UC1, 255 = dynamic; always of image size
+  /// What moves (kMovesNow) and what only may move, by its class, and stands (kMayMove); else 0. CV_8UC1, always of image
+  /// size.
+  cv::Mat dynamic_mask;
   StageTimes times{};
 };
 

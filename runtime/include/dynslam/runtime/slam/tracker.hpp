@@ -69,8 +69,6 @@ class Tracker {
   [[nodiscard]] const Motion<double>* motion() const {
     return uses_geometry(options_.dynamics) ? &geometry_.motion() : nullptr;
   }
-  /// People at rest, whose features the next frame uses, CV_8UC1; empty where nobody is known to be.
-  [[nodiscard]] const cv::Mat& resting() const { return resting_; }
 
  private:
   struct Present;  // the frame at hand
@@ -115,8 +113,7 @@ class Tracker {
   [[nodiscard]] double depth_of_matches(const Present& now) const;
   bool relocalise(Present& now);
   void find_movers(Present& now);
-  void give_back_resting(Present& now);
-  void find_standing(const Present& now);
+  void find_standing(Present& now);
   void pose_without_movers(Present& now);
   void doubt_points_on_movers(Present& now);
   void accept(Present& now);
@@ -133,7 +130,7 @@ class Tracker {
   void keep(Present& now);
   void insert_keyframe(Present& now);
   /// Keeps what look_again() needs of a frame that was tracked.
-  void remember_last(Present& now);
+  void remember_last(Present& now, const cv::Mat& moves);
   /// Makes the last frame a keyframe with points of all that it saw and that was not found moving, proven or
   /// not, under an a-priori mask or not. @return false: nothing to look at
   bool look_again();
@@ -209,8 +206,6 @@ class Tracker {
   SE3<double> T_reference_keyframe_;  // and how
   std::size_t last_keyframe_index_ = 0;
   int last_keyframe_tracked_ = 0;
-  cv::Mat resting_;                        // people at rest, CV_8UC1
-  cv::Mat parts_;                          // instances by surface, CV_16UC1
   cv::Mat standing_;                       // what stands in the place where it stood long before, CV_8UC1
   std::optional<double> last_keyframe_t_;  // empty until this run has one [s]
 };

@@ -9,7 +9,6 @@
 
 #include "dynslam/dynamics/mask_arbitration.hpp"
 #include "dynslam/dynamics/motion_segmenter.hpp"
-#include "dynslam/dynamics/resting.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/map/covering_keyframe.hpp"
 #include "dynslam/map/keyframe_policy.hpp"
@@ -85,7 +84,6 @@ struct TrackerOptions {
   PointMakerOptions<double> points;
   KeyframeOptions<double> keyframes;
   CoverageOptions<double> coverage;  ///< when a keyframe of the map serves instead of a new one
-  RestingOptions<double> resting;
   MaskArbitrationOptions<double> arbitration;
   int semantic_dilation = 9;     ///< pixels added around a-priori masks
   double behind_mover = 0.05;    ///< of its distance: how far behind a mover's surface a point is doubted
