@@ -65,9 +65,9 @@ const std::vector<TextState>& text_states() {
        [](const auto& text) { return each_line(text, [](const auto& l) { return l + "\n" + l; }); }},
       {"unsorted", [](const auto& text) {
          std::istringstream in(text);
-         std::string all;
-         for (std::string line; std::getline(in, line);) all = line + "\n" + all;
-         return all;
+         std::string backwards;
+         for (std::string line; std::getline(in, line);) backwards = line + "\n" + backwards;
+         return backwards;
        }}};
   return all;
 }
