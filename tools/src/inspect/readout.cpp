@@ -147,9 +147,12 @@ std::optional<std::string> readout_doubt(const Sequence& sequence, const CameraC
 
 std::vector<std::string> readout_doubts(const ReadoutMeasurement<double>& run, const Sequence& sequence,
                                         const CameraConfig& camera) {
-  // The map has taken most of the shear, and more or less of it: what is left is a suspicion, no measurement.
-  const ReadoutEstimate<double> estimate = run.interval();
-  if (!(std::abs(estimate.time) > estimate.half_width)) return {};
+  // The map has taken most of the shear: what is left of it is a suspicion, no measurement.
+  constexpr double kSuspicious = 0.001;  // seconds: a twentieth of what most cameras take is left
+  constexpr std::size_t kFewest = 50;    // frames: fewer leave it open
+  if (camera.readout_time != 0 || run.images().size() < kFewest ||
+      !(std::abs(run.correction()) > kSuspicious))
+    return {};
   // Asked of those frames of a few seconds that say most.
   constexpr std::size_t kFrames = 90;
   const std::span<const ReadoutImage<double>> images = run.images();
