@@ -230,6 +230,7 @@ std::vector<UserInput> network_rows() {
       {"several heads",
        network([](auto& n) {
          n.outputs.push_back(n.outputs[0]);
+         n.outputs[0].name = "one";
          n.outputs[1].name = "other";
        }),
        run,
@@ -238,6 +239,7 @@ std::vector<UserInput> network_rows() {
       {"several heads, named",
        network([](auto& n) {
          n.outputs.push_back(n.outputs[0]);
+         n.outputs[0].name = "one";
          n.outputs[1].name = "other";
        }),
        run + " --model-output-name other",

@@ -58,8 +58,8 @@ std::vector<UserInput> reported_cases() {
     rows.push_back({file, {}, mask + "-v --model CASES/" + file + ".onnx", code, {says}});
   };
   network("01-onnx-not-a-segmenter/c1_yolo_detect_1x84xN", 1, "seems to be a detector");
-  network("01-onnx-not-a-segmenter/c3_rtdetr_1x300x84", 1, "of the DETR kind");
-  network("01-onnx-not-a-segmenter/c4_yolo_end2end_1x300x6", 1, "whose suppression is inside");
+  network("01-onnx-not-a-segmenter/c3_rtdetr_1x300x84", 1, "seems to be a detector");
+  network("01-onnx-not-a-segmenter/c4_yolo_end2end_1x300x6", 1, "seems to be a detector");
   network("01-onnx-not-a-segmenter/d2_depth_net", 1, "seems to be a depth network");
   network("02-onnx-one-channel/c5_unet_logits_1ch", 0, "logits, the class where above 0");
   network("02-onnx-one-channel/c6_mask_0_255", 0, "mask, the class where above 127.5");
