@@ -188,7 +188,7 @@ TEST_CASE("a model that takes its weights from outside its folder is refused, wh
   };
   const auto refusal = [&](const Message& graph) {
     test::write_file(model, Message().number(1, 7).message(7, graph).text());
-    return error_of([&] { (void)load_engine(model, EngineKind::opencv, 1); });
+    return error_of([&] { (void)load_engine(model, {EngineKind::opencv}); });
   };
   for (const std::string location : {"/etc/passwd", "../secret.bin", "link.bin", "a/../../secret.bin"}) {
     CAPTURE(location);
@@ -203,7 +203,7 @@ TEST_CASE("a model that takes its weights from outside its folder is refused, wh
     // Behind a group, which readers of protocol buffers skip.
     test::write_file(model,
                      "\x0b\x0c" + Message().number(1, 7).message(7, Message().message(5, weights)).text());
-    CHECK(mentions(error_of([&] { (void)load_engine(model, EngineKind::opencv, 1); }), expected));
+    CHECK(mentions(error_of([&] { (void)load_engine(model, {EngineKind::opencv}); }), expected));
   }
   CHECK_FALSE(mentions(refusal(Message().message(5, tensor("weights.bin"))), "outside its folder"));
 }

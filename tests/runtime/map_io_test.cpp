@@ -135,6 +135,48 @@ TEST_CASE("exports: OctoMap reads them, with the same tree") {
   CHECK_THROWS_AS(export_map(tree, folder.path / "no" / "x.ply"), InputError);
 }
 
+TEST_CASE(
+    "whatever bit of a map is flipped, it is refused; one without a check sum is read, and that is said") {
+  const test::TemporaryFolder folder;
+  const fs::path file = folder.path / "map.sot";
+  MapClasses classes;
+  REQUIRE(classes.set(4, "pallet"));
+  const SemanticOcTree tree = room(0.3);
+  save_map(tree, file, classes);
+  const std::string whole = read(file);
+  std::string note;
+  CHECK(*load_map(file, &note) == tree);
+  CHECK(note.empty());
+  const auto refused = [&](std::size_t at, unsigned bit) {
+    std::string damaged = whole;
+    damaged[at] = static_cast<char>(static_cast<unsigned char>(damaged[at]) ^ (1U << bit));
+    std::ofstream(file, std::ios::binary) << damaged;
+    return refusal(file) != "accepted";
+  };
+  test::Rng rng("flipped bits of a map");
+  for (int k = 0; k < 80; ++k) {
+    const auto at = static_cast<std::size_t>(rng.uniform(0, static_cast<double>(whole.size()) - 0.5));
+    const auto bit = static_cast<unsigned>(rng.uniform(0, 7.99));
+    CAPTURE(at);
+    CAPTURE(bit);
+    CHECK(refused(at, bit));
+  }
+  // Every bit of the header, which has the names of the classes, and of the check sum itself.
+  const std::size_t data = whole.find("\ndata\n") + 6;
+  for (std::size_t at = 0; at < whole.size(); at = at == data ? whole.size() - 16 : at + 1) {
+    for (unsigned bit = 0; bit < 8; ++bit) {
+      CAPTURE(at);
+      CAPTURE(bit);
+      CHECK(refused(at, bit));
+    }
+  }
+  CHECK_THROWS_AS((void)load_map_classes(file), InputError);
+  std::ofstream(file, std::ios::binary) << whole.substr(0, whole.size() - 16);  // as dynslam 0.1.0 wrote it
+  CHECK(*load_map(file, &note) == tree);
+  CHECK(note.find("map.sot: has no check sum") != std::string::npos);
+  CHECK(load_map_classes(file).name(4) == "pallet");
+}
+
 TEST_CASE("a map under its earlier name is read, found in its folder, and exported under the new one") {
   const test::TemporaryFolder folder;
   const SemanticOcTree tree = room(0.3);
@@ -202,7 +244,8 @@ TEST_CASE("files that are no map, cut short or changed are refused in one line")
     CHECK(refusal(bad).rfind(bad.string() + ": ", 0) == 0);
   }
 
-  const std::string whole = read(good);
+  std::string whole = read(good);
+  whole.resize(whole.size() - 16);  // without its check sum, by which whatever is changed is refused
   test::write_file(bad, whole + "x");
   CHECK(refusal(bad).find("after its end") != std::string::npos);
   for (std::size_t n = 0; n < whole.size(); n += 1 + n / 20) {

@@ -341,7 +341,7 @@ TEST_CASE("torchvision's Mask R-CNN answers as in torchvision: boxes, scores and
       for (int u = 0; u < kWidth; ++u) input.push_back(static_cast<float>(grey(c, u, v)) / 255.0F);
     }
   }
-  const auto engine = load_engine(data / "tiny_maskrcnn.onnx", EngineKind::onnxruntime, 1);
+  const auto engine = load_engine(data / "tiny_maskrcnn.onnx", {EngineKind::onnxruntime});
   std::vector<Tensor> outputs;
   const std::vector<std::int64_t> shape{3, kHeight, kWidth};
   engine->run(input, shape, outputs);

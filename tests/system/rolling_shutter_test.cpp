@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 #include <fmt/format.h>
 
+#include <atomic>
 #include <cmath>
 #include <fstream>
 #include <optional>
@@ -104,6 +105,22 @@ TEST_CASE("a readout is measured from images, with an interval that holds it, or
     CAPTURE(odd);
     CHECK(test::mentions(odd, "a camera file with readout_time = 0.02") == (truth != 0));
     CHECK(test::mentions(odd, "the rows of colour images") == (truth != 0));
+    // A run says so, once and with the key; whatever it masks, it has no false alarm.
+    for (const DynamicsMode mode : {DynamicsMode::none, DynamicsMode::geometric}) {
+      RunOptions run;
+      run.sequence = made;
+      run.out = folder.path / "run";
+      run.camera = info.camera;
+      run.map = false;
+      run.dynamics = mode;
+      const std::atomic<bool> never{false};
+      const auto warnings = run_sequence(run, never).warnings;
+      CAPTURE(fmt::format("{}", fmt::join(warnings, "\n")));
+      REQUIRE(warnings.size() == (truth != 0 ? 1 : 0));
+      if (truth != 0) CHECK(test::mentions(warnings.front(), "readout_time"));
+      run.readout_time = 0;  // who says so means it
+      CHECK(run_sequence(run, never).warnings.empty());
+    }
     // The first second turns too little: 0.013 with nothing beside it would be wrong of a global shutter.
     Sequence first = sequence;
     first.frames.resize(30);

@@ -222,7 +222,7 @@ TEST_CASE("a map is not exported onto itself, and lengths have bounds") {
   CHECK(text_of(map) == before);
   check_one_line_error("map query " + map + " --at 0 0 1 --cell -1", 2, "--cell");
   CHECK(mentions(call("run " + at + "/seq --out " + at + "/g").out,
-                 "people who keep still from the start on are part of it"));
+                 "people and things that never move during the run are part of it"));
 }
 
 TEST_CASE("a damaged octree is not copied from one saved map to the next") {

@@ -14,6 +14,7 @@
 #include "config_file.hpp"
 #include "convert_command.hpp"
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/nets/inference_engine.hpp"
 #include "evaluate_command.hpp"
 #include "exit_codes.hpp"
 #include "help_commands.hpp"
@@ -90,6 +91,9 @@ int run(int argc, char** argv) {
   } catch (const dynslam::runtime::UsageError& error) {
     std::cerr << "dynslam: error: " << error.what() << '\n';
     return kUsageFailure;
+  } catch (const dynslam::runtime::InferenceStopped&) {
+    std::cerr << "dynslam: interrupted\n";
+    return kInterrupted;
   } catch (const std::bad_alloc&) {
     return not_enough_memory();
   } catch (const cv::Exception& error) {

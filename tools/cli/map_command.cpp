@@ -16,7 +16,6 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluation/map_render.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
-#include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/semantic/map_query.hpp"
 #include "map_export.hpp"
 #include "validators.hpp"
@@ -147,7 +146,7 @@ bool MapCommand::chosen() const {
 int MapCommand::run() const {
   const Options& o = *o_;
   if (*o.info) {
-    const rt::MapSummary summary = rt::summarize(*rt::load_map(o.file), rt::load_map_classes(o.file));
+    const rt::MapSummary summary = rt::summarize(*load_checked_map(o.file), rt::load_map_classes(o.file));
     std::cout << (o.json ? rt::to_json(summary).dump() + "\n" : rt::to_text(summary));
     return 0;
   }
@@ -157,7 +156,7 @@ int MapCommand::run() const {
   }
   if (*o.render) {
     check_other_file(o.file, o.out);
-    const auto tree = rt::load_map(o.file);
+    const auto tree = load_checked_map(o.file);
     const rt::MapView view = rt::fit_view(*tree, rt::view_behind(SE3<double>()));
     rt::write_image(o.out,
                     rt::render_map(*tree, view,
@@ -171,7 +170,7 @@ int MapCommand::Options::run_query() const {
   if (at.empty() && box.empty() && ray.empty() && nearest.empty())
     throw rt::UsageError("map query needs a question: --at, --box, --ray or --nearest");
   if (!(range > 0)) throw rt::UsageError("--range must be above 0");
-  const auto tree = rt::load_map(file);
+  const auto tree = load_checked_map(file);
   const rt::MapClasses names = rt::load_map_classes(file);
   const double edge = tree->getResolution();
   const int level =

@@ -15,8 +15,8 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/map_geometry.hpp"
 #include "dynslam/runtime/io/map_grid.hpp"
-#include "dynslam/runtime/io/map_io.hpp"
 #include "validators.hpp"
+#include "warnings.hpp"
 
 namespace dynslam::app {
 
@@ -45,6 +45,13 @@ std::string describe_grid(const rt::MapGrid& map, bool found) {
 }
 
 }  // namespace
+
+std::unique_ptr<interop::SemanticOcTree> load_checked_map(const std::filesystem::path& map) {
+  std::string note;
+  auto tree = rt::load_map(map, &note);
+  if (!note.empty()) warn({note});
+  return tree;
+}
 
 void check_other_file(const std::filesystem::path& map, const std::filesystem::path& out) {
   std::error_code error;
@@ -80,7 +87,7 @@ MapExport::MapExport(CLI::App& command) : o_(std::make_unique<Options>()) {
       ->expected(2)
       ->check(finite());
   of_grid(command.add_option("--cell", o.grid.grid.cell, "Edge of a cell [m] (default: that of a voxel)"))
-      ->check(positive());
+      ->check(number_in(0.001, 100));
   o.camera_height_given = of_grid(command.add_option(
       "--camera-height", o.camera_height,
       "Height of the first camera above the floor [m] (default: the floor is looked for in the map)"));
@@ -107,7 +114,7 @@ void MapExport::run(const std::filesystem::path& map) const {
     throw rt::UsageError("map export needs a file to make: OUT, --grid, --pointcloud or --mesh");
   for (const std::filesystem::path& file : {o.out, o.grid_file, o.cloud, o.mesh}) check_other_file(map, file);
   if (!o.grid_file.empty()) check_other_file(map, rt::yaml_of_grid(o.grid_file));
-  const auto tree = rt::load_map(map);
+  const auto tree = load_checked_map(map);
   const rt::MapClasses classes = rt::load_map_classes(map);
   if (!o.out.empty()) rt::export_map(*tree, o.out, classes);
   if (!o.cloud.empty()) rt::save_point_cloud(*tree, o.cloud, classes);

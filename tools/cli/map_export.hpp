@@ -5,7 +5,12 @@
 #include <filesystem>
 #include <memory>
 
+#include "dynslam/runtime/io/map_io.hpp"
+
 namespace dynslam::app {
+
+/// load_map(), with a warning where its file cannot be checked.
+[[nodiscard]] std::unique_ptr<interop::SemanticOcTree> load_checked_map(const std::filesystem::path& map);
 
 /// Refuses to write over the map that is read. @throws UsageError
 void check_other_file(const std::filesystem::path& map, const std::filesystem::path& out);

@@ -36,14 +36,15 @@ namespace rt = dynslam::runtime;
 
 /// What is printed in the end.
 struct Count {
-  std::size_t frames = 0, tracked = 0;
+  std::size_t frames = 0, tracked = 0, marked = 0;
   rt::Stopwatch watch;
 };
 
 std::string masks_line(Count& count, const std::string& where) {
   const double seconds = count.watch.lap_ms() / 1000;
-  return fmt::format("{} masks{}, {} of frames with a pose, {:.1f} frames/s\n", count.frames, where,
-                     count.tracked, seconds > 0 ? static_cast<double>(count.frames) / seconds : 0.0);
+  return fmt::format("{} masks{}, {} of frames with a pose, {:.1f} frames/s\n{}", count.frames, where,
+                     count.tracked, seconds > 0 ? static_cast<double>(count.frames) / seconds : 0.0,
+                     count.marked == 0 ? "none of the masks marks anything dynamic\n" : "");
 }
 
 }  // namespace
@@ -99,6 +100,7 @@ void MasksCommand::Options::write(Count& count, const std::string& stamp,
                                   const rt::TrackResult& result) const {
   ++count.frames;
   count.tracked += result.ok() ? 1 : 0;
+  count.marked += cv::countNonZero(result.dynamic_mask) > 0 ? 1 : 0;
   if (!out.empty()) rt::write_image(out / (stamp + ".png"), result.dynamic_mask);
 }
 

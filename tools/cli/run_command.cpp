@@ -152,18 +152,23 @@ int interrupted() {
   return kInterrupted;
 }
 
+/// A sequence's ground truth: its frames are not needed to the end.
+struct Truth {
+  std::vector<StampedPose<double>> poses;
+  std::filesystem::path file;
+  std::string missing, turned;  ///< as Sequence has them
+};
+
 /// ATE and RPE where the sequence has ground truth; what cannot be compared is said, not an error.
-std::string accuracy(const rt::RunOptions& options, const rt::Sequence& sequence,
-                     const rt::RunSummary& summary) {
-  if (sequence.groundtruth.empty())
-    return sequence.truth_missing.empty()
+std::string accuracy(const rt::RunOptions& options, const Truth& truth, const rt::RunSummary& summary) {
+  if (truth.poses.empty())
+    return truth.missing.empty()
                ? ""
-               : fmt::format("no ATE and RPE, for want of a ground truth: {}\n", sequence.truth_missing);
+               : fmt::format("no ATE and RPE, for want of a ground truth: {}\n", truth.missing);
   try {
-    const std::string turned = sequence.truth_turned.empty() ? "" : sequence.truth_turned + "\n";
-    return turned +
-           rt::to_text(rt::evaluate_run(summary.trajectory, summary.live_trajectory, sequence.groundtruth,
-                                        options.out, sequence.truth_file.string()));
+    const std::string turned = truth.turned.empty() ? "" : truth.turned + "\n";
+    return turned + rt::to_text(rt::evaluate_run(summary.trajectory, summary.live_trajectory, truth.poses,
+                                                 options.out, truth.file.string()));
   } catch (const rt::InputError& error) {
     return fmt::format("no ATE and RPE: {}\n", error.what());
   }
@@ -192,11 +197,16 @@ std::string mask_report(const rt::RunOptions& options, const rt::RunSummary& sum
   return text;
 }
 
-/// What the map may show that is not of the static scene.
-std::string map_report(const rt::RunOptions& options) {
-  if (!options.map || options.dynamics != rt::DynamicsMode::geometric) return {};
-  return "map: without a network (--model) or masks, people who keep still from the start on are part of "
-         "it\n";
+/// What the map may show that is not of the static scene: only a network or masks know people who keep still.
+std::string map_report(const rt::RunOptions& options, const rt::RunSummary& summary) {
+  if (summary.nothing_mapped)
+    return "map: no voxel is occupied: no keyframe has depth in range outside of the masks\n";
+  if (!options.map || rt::uses_semantic(options.dynamics)) return {};
+  return options.dynamics == rt::DynamicsMode::none
+             ? "map: nothing is masked (--dynamics none), so people and things are part of it, whether they "
+               "move or not\n"
+             : "map: without a network (--model) or masks, people and things that never move during the run "
+               "are part of it\n";
 }
 
 /// What a live run dropped, and how late the rest was.
@@ -231,9 +241,9 @@ int run_sequence(const rt::RunOptions& options, bool with_view) {
   stop_on_signals();
   std::optional<View> view;
   if (with_view) view.emplace(options, sequence_name(options.sequence));
-  rt::Sequence sequence;
+  Truth truth;
   const auto opened = [&](const rt::Sequence& found, const rt::CameraConfig& camera) {
-    sequence = found;
+    truth = {found.groundtruth, found.truth_file, found.truth_missing, found.truth_turned};
     warn(found.notes);
     warn(rt::camera_doubts(found, camera));
     warn(rt::time_doubts(found));
@@ -248,11 +258,12 @@ int run_sequence(const rt::RunOptions& options, bool with_view) {
   if (view) end(*view);
   view.reset();
   report_problems(summary, options.out);
+  warn(summary.warnings);
   std::cout << fmt::format("{} of {} frames tracked ({} lost, {} broken), {:.1f} frames/s; results in {}\n",
                            summary.tracked, summary.frames, summary.lost, summary.broken, summary.fps,
                            options.out.string())
-            << mask_report(options, summary) << map_report(options) << separate_report(summary)
-            << live_report(summary) << accuracy(options, sequence, summary) << std::flush;
+            << mask_report(options, summary) << map_report(options, summary) << separate_report(summary)
+            << live_report(summary) << accuracy(options, truth, summary) << std::flush;
   if (summary.interrupted) return interrupted();
   if (options.report) print_report({options.out}, {});
   return 0;

@@ -2,6 +2,11 @@
 #include "config/field_list.hpp"
 
 namespace dynslam::runtime::config {
+namespace {
+
+constexpr ConfigRange kCells = between(0, 100);  // around each cell: the whole image, where cells are many
+
+}  // namespace
 
 void list(FieldList& f, PatchAlignmentOptions<float>& o) {
   f("max_iterations", o.max_iterations, "", "iterations of the alignment", between(1, 1000));
@@ -70,9 +75,10 @@ void list(FieldList& f, StaticWeightsOptions<double>& o) {
 void list(FieldList& f, KeypointEvidenceOptions& o) {
   f("dynamic", o.dynamic, "", "log-likelihood ratio of a keypoint that moves", kNotNegative);
   f("is_static", o.is_static, "", "and against motion of a static one", kNotNegative);
-  f("reach", o.reach, "cells", "around a keypoint for which it speaks", kCount);
+  f("reach", o.reach, "cells", "around a keypoint for which it speaks", kCells);
   f("edge", o.edge, "",
-    "distance to something nearer, as a share of the image's width, within which a dynamic keypoint does not count",
+    "distance to something nearer, as a share of the image's width, within which a dynamic keypoint does not "
+    "count",
     kShare);
 }
 
@@ -89,7 +95,7 @@ void list(FieldList& f, RelativeStep<float>& o) {
 
 void list(FieldList& f, PoolingOptions& o) {
   f("coupling", o.coupling, "", "weight of a neighbour on the same surface", kNotNegative);
-  f("sweeps", o.sweeps, "", "over rows and columns", kCount);
+  f("sweeps", o.sweeps, "", "over rows and columns", between(0, 100));
   f.table("step", o.step);
 }
 
@@ -122,10 +128,13 @@ void list(FieldList& f, FreeSpaceOptions& o) {
   f("memory", o.memory, "s", "time in which a belief without new evidence falls to 1/e", between(0.001, 60));
   f("prior", o.prior, "", "log-odds that a surface moves of which nothing is known", between(-10, 0));
   f("unseen", o.unseen, "", "confidence in that", between(0.00001, 1));
-  f("violated", o.violated, "", "log-likelihood ratio of a surface where the space was free, per view", kNotNegative);
-  f("supported", o.supported, "", "and against motion, of one that was there already, per view", kNotNegative);
+  f("violated", o.violated, "", "log-likelihood ratio of a surface where the space was free, per view",
+    kNotNegative);
+  f("supported", o.supported, "", "and against motion, of one that was there already, per view",
+    kNotNegative);
   f("bound", o.bound, "", "of what all views together say", kNotNegative);
-  f("min_depth", o.min_depth, "m", "distance from an earlier camera within which nothing is judged", kNotNegative);
+  f("min_depth", o.min_depth, "m", "distance from an earlier camera within which nothing is judged",
+    kNotNegative);
   f("max_depth", o.max_depth, "m", "depth beyond which nothing is judged", kPositive);
   f("depth_time_uncertainty", o.depth_time_uncertainty, "s",
     "difference that there may be between the time of a depth image and that of its pose", between(0, 1));
@@ -153,22 +162,24 @@ void list(FieldList& f, MovedOutlineOptions& o) {
     kShare);
   f("least", o.least, "cells", "least outline of such a surface", kCount);
   f("surface", o.surface, "cells", "smallest surface", kCount);
-  f("gap", o.gap, "cells", "without depth between a surface and what lies behind it, at most", kCount);
-  f("beside", o.beside, "cells", "beside an outline in which what has gone or come is looked for", kCount);
+  f("gap", o.gap, "cells", "without depth between a surface and what lies behind it, at most", kCells);
+  f("beside", o.beside, "cells", "beside an outline in which what has gone or come is looked for", kCells);
 }
 
 void list(FieldList& f, SupportPlaneOptions& o) {
   f("area", o.area, "m^2", "of the smallest plane that is a surface apart from the objects on it", kPositive);
   f("least", o.least, "cells", "size of the smallest surface that is split", from(3));
-  f("planes", o.planes, "", "planes of a surface at most; 0: none is split off", kCount);
-  f("hypotheses", o.hypotheses, "", "planes that are tried", kCount);
+  f("planes", o.planes, "", "planes of a surface at most; 0: none is split off", between(0, 100));
+  f("hypotheses", o.hypotheses, "", "planes that are tried", between(0, 10000));
   f("samples", o.samples, "cells", "that judge them", from(3));
-  f("base", o.base, "m", "distance along the ray within which a cell at depth z is on a plane: base + quad z^2", kNotNegative);
+  f("base", o.base, "m",
+    "distance along the ray within which a cell at depth z is on a plane: base + quad z^2", kNotNegative);
   f("quad", o.quad, "1/m", "see base", kNotNegative);
 }
 
 void list(FieldList& f, SurfaceEvidenceOptions& o) {
-  f("share", o.share, "", "share by which more of a surface must have moved than of the others", between(0, 2));
+  f("share", o.share, "", "share by which more of a surface must have moved than of the others",
+    between(0, 2));
   f("slope", o.slope, "", "log-likelihood ratio per share beyond that", kNotNegative);
   f("most", o.most, "", "greatest log-likelihood ratio for motion", kNotNegative);
   f("most_rest", o.most_rest, "", "and for rest", kNotNegative);

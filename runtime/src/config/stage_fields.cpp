@@ -53,7 +53,10 @@ void list(FieldList& f, SegmenterOptions& o) {
     "what the only channel of a semantic network holds");
   f("output_name", o.output_name, "", "output that is the segmentation; empty: found by name and shape");
   // left out: labels: those of the map that a run goes on in
+  // left out: stop: of the program that runs the network
   f("threads", o.threads, "", "threads of the network", between(1, 64));
+  f("memory", o.memory, "bytes", "memory that the network may take; one that needs more is refused",
+    between(1 << 20, 1e12));
   f("dynamic_classes", o.dynamic_classes, "", "names of classes that move by themselves");
   f("map_classes", o.map_classes, "",
     "names of classes that the map labels, four of them beside chairs and displays; empty: chairs and "

@@ -7,14 +7,15 @@
 
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
+#include "io/check_sum.hpp"
 
 namespace dynslam::runtime {
 namespace {
 
 std::uint64_t hash_of(std::string_view bytes) {
-  std::uint64_t h = 14695981039346656037ULL;
-  for (const char c : bytes) h = (h ^ static_cast<std::uint8_t>(c)) * 1099511628211ULL;
-  return h;
+  CheckSum sum;
+  sum.add(bytes);
+  return sum.value();
 }
 
 }  // namespace

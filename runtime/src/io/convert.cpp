@@ -21,6 +21,8 @@ namespace fs = std::filesystem;
 namespace dynslam::runtime {
 namespace {
 
+constexpr const char* kUnfinished = "unfinished.txt";  // in a folder that is not yet whole
+
 /// The lines of the lists of a sequence.
 struct Lists {
   std::string colour, depth, pairs;
@@ -76,8 +78,21 @@ void check(const fs::path& out, cv::Size size, std::size_t every) {
     throw UsageError(
         fmt::format("images of {}x{}: each side must be from 64 to 8192 pixels", size.width, size.height));
   std::error_code error;
-  if (fs::exists(out, error) && !(fs::is_directory(out, error) && fs::is_empty(out, error)))
+  const bool begun = fs::is_regular_file(out / kUnfinished, error);
+  if (!begun && fs::exists(out, error) && !(fs::is_directory(out, error) && fs::is_empty(out, error)))
     throw InputError(out.string(), 0, "is not an empty folder: choose another one");
+}
+
+/// Makes the folder ready for images. What an interrupted conversion left in it is made anew.
+void begin(const fs::path& out) {
+  make_folder(out);
+  write_file(out / kUnfinished, "This conversion was not finished; the same command begins it anew.\n");
+  for (const char* images : {"rgb", "depth"}) {
+    make_folder(out / images);
+    for (const auto& file : fs::directory_iterator(out / images)) {
+      if (file.path().extension() == ".png") fs::remove(file.path());
+    }
+  }
 }
 
 }  // namespace
@@ -106,8 +121,9 @@ ConvertReport convert_sequence(const Sequence& sequence, const CameraConfig& cam
                                const std::function<void(std::size_t, std::size_t)>& progress) {
   const cv::Size size = options.size.empty() ? cv::Size(camera.width, camera.height) : options.size;
   check(out, size, options.every);
-  make_folder(out / "rgb");
-  make_folder(out / "depth");
+  make_folder(out);
+  const FileHandle lock = lock_folder(out);
+  begin(out);
   Sequence taken;
   for (std::size_t i = 0; i < sequence.frames.size(); i += options.every)
     taken.frames.push_back(sequence.frames[i]);
@@ -136,6 +152,7 @@ ConvertReport convert_sequence(const Sequence& sequence, const CameraConfig& cam
   write_file(out / "camera.txt", camera_text(written));
   if (!sequence.groundtruth.empty()) write_trajectory(out / "groundtruth.txt", sequence.groundtruth);
   write_file(out / "associations.txt", lists.pairs);
+  fs::remove(out / kUnfinished);
   return report;
 }
 

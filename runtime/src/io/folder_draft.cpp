@@ -6,9 +6,11 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <charconv>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <string>
 #include <system_error>
@@ -28,8 +30,9 @@ namespace fs = std::filesystem;
 
 /// The folder itself where the path is a link to it.
 fs::path followed(const fs::path& path) {
-  const fs::path clean = path.has_filename() ? path : path.parent_path();
+  fs::path clean = path.has_filename() ? path : path.parent_path();
   std::error_code error;
+  if (clean.filename() == "." || clean.filename() == "..") clean = fs::weakly_canonical(clean, error);
   if (!fs::is_symlink(clean, error)) return clean;
   fs::path real = fs::canonical(clean, error);
   if (error) throw InputError(clean.string(), 0, "is a link to a place that does not exist");
@@ -131,6 +134,9 @@ bool lacks_exchange(int error) {
 FolderDraft::FolderDraft(const fs::path& target, FolderNames names)
     : names_(names), target_(followed(target)), path_(unused_name_beside(target_, "partial")) {
   std::error_code error;
+  if (same_file(target_, "."))
+    throw InputError(target.string(), 0,
+                     "is the folder that the program runs in, which cannot be replaced: give a folder in it");
   fs::create_directories(parent_of(target_), error);
   struct stat folder {
   }, parent{};
@@ -204,6 +210,26 @@ bool restore_folder(const fs::path& target, FolderNames names) {
     if (!error) return true;
   }
   return false;
+}
+
+void read_unchanged(const fs::path& folder, const std::function<void()>& read) {
+  const auto state = [&] {
+    struct stat found {};
+    const bool there = ::stat(folder.c_str(), &found) == 0;
+    return there ? std::array<std::int64_t, 4>{static_cast<std::int64_t>(found.st_dev),
+                                               static_cast<std::int64_t>(found.st_ino), found.st_ctim.tv_sec,
+                                               found.st_ctim.tv_nsec}
+                 : std::array<std::int64_t, 4>{};
+  };
+  constexpr int kMost = 20;  // one save after the other, all this time
+  for (int time = 1;; ++time) {
+    const auto before = state();
+    try {
+      return read();
+    } catch (const InputError&) {
+      if (time == kMost || state() == before) throw;
+    }
+  }
 }
 
 void clear_leftovers(const fs::path& target, FolderNames names) {

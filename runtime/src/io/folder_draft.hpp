@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <span>
 #include <string_view>
 
@@ -54,6 +55,11 @@ class FolderDraft {
 
 /// Puts a folder back that a killed publish() moved aside. @return whether there is one now
 bool restore_folder(const std::filesystem::path& target, FolderNames names);
+
+/// Reads several files of a folder that another process may replace as a whole meanwhile: where it has, what
+/// `read` throws for files that do not belong together is no fault of theirs, and it is called again.
+/// @throws what `read` throws of a folder that stays
+void read_unchanged(const std::filesystem::path& folder, const std::function<void()>& read);
 
 /// Removes what killed drafts of a folder left beside it; what of it is the user's goes into the folder.
 /// Nothing is done while there is no folder, to drafts of processes that live, and to other names.

@@ -13,7 +13,7 @@ namespace {
 
 using Kind = ImageSource::Kind;
 
-const std::filesystem::path& path_of(const FrameRecord& record, Kind kind) {
+const ImagePath& path_of(const FrameRecord& record, Kind kind) {
   return kind == Kind::colour ? record.rgb : record.depth;
 }
 
@@ -43,7 +43,7 @@ cv::Mat read_image(const FrameRecord& record, Kind kind, cv::Size expected) {
 
 cv::Size stored_size(const FrameRecord& record, Kind kind) {
   if (record.source) return record.source->size(kind, number_of(record, kind));
-  return EncodedImage(path_of(record, kind)).size();
+  return EncodedImage(std::filesystem::path(path_of(record, kind))).size();
 }
 
 }  // namespace dynslam::runtime

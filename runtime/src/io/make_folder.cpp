@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "io/make_folder.hpp"
 
+#include <fcntl.h>
+#include <sys/file.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <system_error>
 
 #include "dynslam/runtime/error.hpp"
@@ -15,6 +19,14 @@ void make_folder(const fs::path& path) {
   fs::create_directories(path, error);
   if (error || !fs::is_directory(path))
     throw InputError(path.string(), 0, "cannot be made a folder: " + error.message());
+}
+
+FileHandle lock_folder(const fs::path& path) {
+  FileHandle folder(::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (folder && ::flock(folder.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+    throw InputError(path.string(), 0,
+                     "is where another process writes its results now: choose another folder");
+  return folder;
 }
 
 bool lies_in(const fs::path& inner, const fs::path& outer) {

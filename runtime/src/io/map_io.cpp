@@ -16,6 +16,7 @@
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/masks.hpp"
+#include "io/map_sum.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -73,8 +74,10 @@ void write_ply(std::ostream& out, const SemanticOcTree& tree, const MapClasses& 
 }
 
 void write_map(std::ostream& out, const SemanticOcTree& tree, const MapClasses& classes) {
-  write_header(out, tree, "file", kType, classes);
-  tree.writeData(out);
+  write_summed(out, [&](std::ostream& summed) {
+    write_header(summed, tree, "file", kType, classes);
+    tree.writeData(summed);
+  });
 }
 
 struct Header {
@@ -175,7 +178,7 @@ bool is_semantic_map(const fs::path& path) {
   return in.is_open() && read_header(in).type == kType;
 }
 
-std::unique_ptr<SemanticOcTree> load_map(const fs::path& path) {
+std::unique_ptr<SemanticOcTree> load_map(const fs::path& path, std::string* note) {
   const auto fail = [&](const std::string& reason) -> InputError { return {path.string(), 0, reason}; };
   if (!fs::exists(path)) {
     const bool renamed = path.filename() == kEarlierMapFile && fs::exists(map_file_in(path.parent_path()));
@@ -185,6 +188,7 @@ std::unique_ptr<SemanticOcTree> load_map(const fs::path& path) {
   check_regular_file(path);
   std::ifstream in(path, std::ios::binary);
   if (!in) throw fail("cannot be opened");
+  const std::size_t sum = check_sum_of(in, path);
   const auto [first, type, resolution, size, ends, classes] = read_header(in);
   if (first.starts_with(kBinaryStart))
     throw fail(fmt::format("is a .bt file, which has no labels; give the {}", kMapFile));
@@ -200,7 +204,10 @@ std::unique_ptr<SemanticOcTree> load_map(const fs::path& path) {
     if (!in) throw fail("is cut short or corrupt");
   }
   if (tree->size() != size) throw fail(fmt::format("is corrupt: {} nodes instead of {}", tree->size(), size));
+  in.ignore(static_cast<std::streamsize>(sum));
   if (in.get() != std::ifstream::traits_type::eof()) throw fail("is corrupt: data after its end");
+  if (sum == 0 && note != nullptr)
+    *note = path.string() + ": has no check sum (dynslam 0.1.0 wrote none), so that damage may go unnoticed";
   return tree;
 }
 
@@ -208,7 +215,16 @@ MapClasses load_map_classes(const fs::path& path) {
   std::error_code error;
   std::ifstream in;
   if (fs::is_regular_file(path, error)) in.open(path, std::ios::binary);
-  return in.is_open() ? read_header(in).classes : MapClasses();
+  if (!in.is_open()) return {};
+  (void)check_sum_of(in, path);
+  return read_header(in).classes;
+}
+
+bool has_occupied(const SemanticOcTree& tree) {
+  for (auto it = tree.begin_leafs(), end = tree.end_leafs(); it != end; ++it) {
+    if (tree.isNodeOccupied(*it)) return true;
+  }
+  return false;
 }
 
 void export_map(const SemanticOcTree& tree, const fs::path& path, const MapClasses& classes) {

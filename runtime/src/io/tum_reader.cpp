@@ -21,6 +21,14 @@ TimeStamp parse_stamp(std::string_view word, const std::string& name, std::size_
   return *time;
 }
 
+std::string parse_path(std::string_view word, const std::string& name, std::size_t line) {
+  if (has_control(word))
+    throw InputError(
+        name, line,
+        fmt::format("'{}' has a control character, which no file's name should", printable(word)));
+  return std::string(word);
+}
+
 void check_increasing(double previous, double t, const std::string& name, std::size_t line) {
   if (t == previous) throw InputError(name, line, "the time stamp occurs twice");
   if (t < previous) throw InputError(name, line, "the time stamps are not sorted");
@@ -63,7 +71,7 @@ std::vector<ListEntry> list_of(std::istream& in, const std::string& name, std::v
     }
     const auto [t, ns] = parse_stamp(words[0], name, reader.number());
     if (notes == nullptr && !list.empty()) check_increasing(list.back().t, t, name, reader.number());
-    list.push_back({t, std::string(words[0]), std::string(words[1]), ns});
+    list.push_back({t, std::string(words[0]), parse_path(words[1], name, reader.number()), ns});
   }
   if (in.bad()) throw InputError(name, 0, "cannot be read");
   if (notes != nullptr)
@@ -93,8 +101,8 @@ std::vector<FrameRecord> associations_of(std::istream& in, const std::string& na
     if (notes == nullptr && !frames.empty())
       check_increasing(frames.back().t_rgb, record.t_rgb, name, reader.number());
     record.stamp = words[rgb];
-    record.rgb = words[rgb + 1];
-    record.depth = words[depth + 1];
+    record.rgb = parse_path(words[rgb + 1], name, reader.number());
+    record.depth = parse_path(words[depth + 1], name, reader.number());
     frames.push_back(std::move(record));
   }
   if (in.bad()) throw InputError(name, 0, "cannot be read");

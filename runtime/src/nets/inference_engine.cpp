@@ -2,6 +2,8 @@
 #include "dynslam/runtime/nets/inference_engine.hpp"
 
 #include <array>
+#include <fstream>
+#include <utility>
 
 #include "dynslam/runtime/error.hpp"
 #include "nets/onnx_header.hpp"
@@ -28,6 +30,25 @@ bool is_whole_type(int type) {
   return (type >= kUint8 && type <= kInt64) || type == kBool || type == kUint32 || type == kUint64;
 }
 
+namespace {
+
+/// What people have under the name of a model in place of one.
+void check_beginning(const std::filesystem::path& model) {
+  std::ifstream in(model, std::ios::binary);
+  std::string start(32, '\0');
+  in.read(start.data(), static_cast<std::streamsize>(start.size()));
+  constexpr std::array<std::pair<std::string_view, std::string_view>, 4> kOthers{
+      {{"version https://git-lfs", "is the pointer that Git LFS leaves in place of a file: `git lfs pull`"},
+       {"<", "is a web page, not a model: was the download refused?"},
+       {"PK\x03\x04", "is a zip file, as PyTorch's .pt: export the model to ONNX"},
+       {"\x89HDF", "is an HDF5 file, as Keras': export the model to ONNX"}}};
+  for (const auto& [beginning, reason] : kOthers) {
+    if (start.starts_with(beginning)) throw InputError(model.string(), 0, std::string(reason));
+  }
+}
+
+}  // namespace
+
 bool has_onnxruntime() {
 #ifdef DYNSLAM_HAVE_ONNXRUNTIME
   return true;
@@ -36,18 +57,19 @@ bool has_onnxruntime() {
 #endif
 }
 
-std::unique_ptr<InferenceEngine> load_engine(const std::filesystem::path& model, EngineKind kind,
-                                             int threads) {
+std::unique_ptr<InferenceEngine> load_engine(const std::filesystem::path& model,
+                                             const EngineOptions& options) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(model, error)) throw InputError(model.string(), 0, "is not a file");
   if (std::filesystem::file_size(model, error) == 0) throw InputError(model.string(), 0, "is empty");
+  check_beginning(model);
   check_external_files(model);
+  EngineKind kind = options.kind;
   if (kind == EngineKind::automatic) kind = has_onnxruntime() ? EngineKind::onnxruntime : EngineKind::opencv;
   if (kind == EngineKind::opencv) return make_opencv_engine(model);
 #ifdef DYNSLAM_HAVE_ONNXRUNTIME
-  return make_onnxruntime_engine(model, threads);
+  return make_onnxruntime_engine(model, options);
 #else
-  (void)threads;
   throw UsageError(
       "--engine onnxruntime: this build has no ONNX Runtime; run scripts/install-onnxruntime.sh and build "
       "again");

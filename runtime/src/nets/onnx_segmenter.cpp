@@ -101,7 +101,7 @@ std::vector<std::string> parse_class_names(const std::string& text) {
 
 OnnxSegmenter::OnnxSegmenter(const SegmenterOptions& options)
     : options_(options),
-      engine_(load_engine(options.model, options.engine, options.threads)),
+      engine_(load_engine(options.model, {options.engine, options.threads, options.memory, options.stop})),
       kind_(options.kind),
       shape_(input_shape(engine_->inputs(), options.input, options.model.string())) {
   // A first guess, by which the image is fitted in: one run on a grey image shows what the graph gives.

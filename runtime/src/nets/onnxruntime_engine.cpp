@@ -2,7 +2,14 @@
 #ifdef DYNSLAM_HAVE_ONNXRUNTIME
 #include <onnxruntime_cxx_api.h>
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <thread>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
@@ -11,11 +18,57 @@
 namespace dynslam::runtime {
 namespace {
 
+/// Ends a run of a network that is at work when it is to stop: ONNX Runtime asks before each node, also
+/// within a loop.
+class Stopper {
+ public:
+  explicit Stopper(const std::atomic<bool>* stop) {
+    if (stop != nullptr)
+      thread_ = std::jthread([this, stop](const std::stop_token& end) { watch(*stop, end); });
+  }
+  [[nodiscard]] const Ort::RunOptions& options() const { return options_; }
+  [[nodiscard]] bool stopped() const { return stopped_; }
+
+ private:
+  void watch(const std::atomic<bool>& stop, const std::stop_token& end) {
+    constexpr std::chrono::milliseconds kAsk(100);
+    std::unique_lock lock(mutex_);
+    while (!end.stop_requested() && !stop) waiting_.wait_for(lock, end, kAsk, [] { return false; });
+    if (!stop) return;
+    stopped_ = true;
+    options_.SetTerminate();
+  }
+
+  Ort::RunOptions options_;
+  std::atomic<bool> stopped_{false};
+  std::mutex mutex_;
+  std::condition_variable_any waiting_;
+  std::jthread thread_;  // last: it uses all of the above
+};
+
+/// Has all networks of the process take their memory from one arena of a size.
+void limit_memory(Ort::Env& environment, std::size_t bytes) {
+  constexpr int kAsNeeded = 1, kDefault = -1;  // grow by what is asked for, not by powers of two
+  const auto memory = Ort::MemoryInfo::CreateCpu(OrtArenaAllocator, OrtMemTypeDefault);
+  const Ort::ArenaCfg arena(bytes, kAsNeeded, kDefault, kDefault);
+  try {
+    environment.CreateAndRegisterAllocator(memory, arena);
+  } catch (const Ort::Exception&) {  // an earlier network has done so
+  }
+}
+
 /// One line of what ONNX Runtime says: its messages run over many.
 std::string first_line(std::string text) {
   const auto end = text.find('\n');
   if (end != std::string::npos) text.resize(end);
   return text;
+}
+
+/// What ONNX Runtime says, with what is meant where its arena is full.
+std::string why(const Ort::Exception& error, std::size_t memory) {
+  const std::string text = first_line(error.what());
+  if (text.find("vailable memory of") == std::string::npos) return text;
+  return fmt::format("it needs more than {} MB of memory, the most that a network gets", memory >> 20U);
 }
 
 template <class T>
@@ -55,15 +108,20 @@ void read(const Ort::Value& value, ONNXTensorElementDataType type, std::size_t c
 
 class OnnxRuntimeEngine final : public InferenceEngine {
  public:
-  OnnxRuntimeEngine(const std::filesystem::path& model, int threads)
-      : file_(model.string()), environment_(ORT_LOGGING_LEVEL_FATAL, "dynslam") {
+  OnnxRuntimeEngine(const std::filesystem::path& model, const EngineOptions& own)
+      : file_(model.string()),
+        environment_(ORT_LOGGING_LEVEL_FATAL, "dynslam"),
+        memory_(own.memory),
+        stopper_(own.stop) {
     Ort::SessionOptions options;
-    options.SetIntraOpNumThreads(std::max(1, threads));
+    options.SetIntraOpNumThreads(std::max(1, own.threads));
     options.SetInterOpNumThreads(1);
     options.SetGraphOptimizationLevel(GraphOptimizationLevel::ORT_ENABLE_ALL);
     // Waiting threads sleep: the tracker needs the cores.
     options.AddConfigEntry("session.intra_op.allow_spinning", "0");
+    options.AddConfigEntry("session.use_env_allocators", "1");
     try {
+      limit_memory(environment_, memory_);
       session_ = Ort::Session(environment_, model.c_str(), options);
       Ort::AllocatorWithDefaultOptions allocator;
       for (std::size_t i = 0; i < session_.GetInputCount(); ++i) {
@@ -91,7 +149,7 @@ class OnnxRuntimeEngine final : public InferenceEngine {
         metadata_[key.get()] = value ? value.get() : "";
       }
     } catch (const Ort::Exception& e) {
-      throw InputError(file_, 0, "cannot be loaded: " + first_line(e.what()));
+      throw InputError(file_, 0, "cannot be loaded: " + why(e, memory_));
     }
   }
 
@@ -113,7 +171,7 @@ class OnnxRuntimeEngine final : public InferenceEngine {
       std::vector<const char*> names;
       for (const auto& o : outputs_) names.push_back(o.name.c_str());
       const auto values =
-          session_.Run(Ort::RunOptions{nullptr}, &input_name, &tensor, 1, names.data(), names.size());
+          session_.Run(stopper_.options(), &input_name, &tensor, 1, names.data(), names.size());
       outputs.resize(values.size());
       for (std::size_t i = 0; i < values.size(); ++i) {
         if (!values[i].IsTensor()) {  // a list or a map: nothing that is decoded
@@ -127,7 +185,8 @@ class OnnxRuntimeEngine final : public InferenceEngine {
         read(values[i], info.GetElementType(), info.GetElementCount(), outputs[i]);
       }
     } catch (const Ort::Exception& e) {
-      throw InputError(file_, 0, "cannot be run: " + first_line(e.what()));
+      if (stopper_.stopped()) throw InferenceStopped(file_ + ": interrupted");
+      throw InputError(file_, 0, "cannot be run: " + why(e, memory_));
     }
   }
 
@@ -139,16 +198,19 @@ class OnnxRuntimeEngine final : public InferenceEngine {
  private:
   std::string file_;
   Ort::Env environment_;
+  std::size_t memory_;
   Ort::Session session_{nullptr};
   std::vector<TensorInfo> inputs_, outputs_;
   std::vector<Ort::Float16_t> half_;  // the input of a network that takes half precision
   std::map<std::string, std::string> metadata_;
+  Stopper stopper_;
 };
 
 }  // namespace
 
-std::unique_ptr<InferenceEngine> make_onnxruntime_engine(const std::filesystem::path& model, int threads) {
-  return std::make_unique<OnnxRuntimeEngine>(model, threads);
+std::unique_ptr<InferenceEngine> make_onnxruntime_engine(const std::filesystem::path& model,
+                                                         const EngineOptions& options) {
+  return std::make_unique<OnnxRuntimeEngine>(model, options);
 }
 
 }  // namespace dynslam::runtime

@@ -9,6 +9,7 @@
 #include "dynslam/runtime/io/time_stamp.hpp"
 #include "dynslam/runtime/slam/saved_map.hpp"
 #include "io/argument_check.hpp"
+#include "io/folder_draft.hpp"
 #include "io/frame_of_images.hpp"
 #include "slam/event_journal.hpp"
 #include "slam/frame_poses.hpp"
@@ -254,6 +255,14 @@ const Motion<double>* Slam::motion() const {
   return state_->located ? state_->tracker->motion() : nullptr;
 }
 
+void Slam::measure_readout() {
+  state_->tracker->measure_readout();
+}
+
+const std::optional<ReadoutMeasurement<double>>& Slam::readout() const {
+  return state_->tracker->readout();
+}
+
 /// Never makes a saved map poorer: of a map in pieces nothing takes the place of what is there.
 void Slam::save(const std::filesystem::path& folder) {
   State& s = *state_;
@@ -275,10 +284,13 @@ void Slam::load(const std::filesystem::path& folder) {
   State& s = *state_;
   s.journal.check_not_telling("Slam::load()");
   s.loaded.folder = folder;
-  s.tracker->load(load_slam_map(folder, s.camera, &s.loaded.map_id));
+  std::optional<LocalMap> map;
+  read_unchanged(folder, [&] {
+    map = load_slam_map(folder, s.camera, &s.loaded.map_id);
+    if (s.octree) s.octree->load(folder, {s.loaded.map_id, static_cast<int>(map->keyframes().size())});
+  });
+  s.tracker->load(std::move(*map));
   s.journal.loaded();
-  const int keyframes = static_cast<int>(s.tracker->map().keyframes().size());
-  if (s.octree) s.octree->load(folder, {s.loaded.map_id, keyframes});
 }
 
 void Slam::save_octree(const std::filesystem::path& folder) {

@@ -136,7 +136,7 @@ TEST_CASE("frames that cannot be read are left out and told; nothing is written 
   const Sequence sequence = original_of(fixture);
   const CameraConfig camera = camera_of(sequence);
   const TemporaryFolder out;
-  std::ofstream(sequence.frames[4].rgb, std::ios::binary) << "no image";
+  std::ofstream(sequence.frames[4].rgb.string(), std::ios::binary) << "no image";
   const ConvertReport report = convert_sequence(sequence, camera, out.path / "new");
   CHECK(report.written == sequence.frames.size() - 1);
   REQUIRE(report.broken.size() == 1);

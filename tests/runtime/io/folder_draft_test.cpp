@@ -149,6 +149,34 @@ TEST_CASE("drafts of a process that lives are left to it, and so is what another
   CHECK(bytes(draft.path() / "main.bin") == "2");
 }
 
+TEST_CASE("what is replaced while it is read is read again; what stays as it is is not") {
+  const test::TemporaryFolder folder;
+  const fs::path target = folder.path / "m";
+  publish(target, "1");
+  int calls = 0;
+  read_unchanged(target, [&] {
+    if (++calls > 2) return;
+    publish(target, "2");
+    throw InputError("m", 0, "is of two states");
+  });
+  CHECK(calls == 3);
+  calls = 0;
+  const auto fail = [&] {
+    ++calls;
+    throw InputError("m", 0, "is damaged");
+  };
+  CHECK_THROWS_AS(read_unchanged(target, fail), InputError);
+  CHECK(calls == 1);
+  calls = 0;
+  const auto never_still = [&] {
+    ++calls;
+    publish(target, "3");
+    throw InputError("m", 0, "is of two states");
+  };
+  CHECK_THROWS_AS(read_unchanged(target, never_still), InputError);
+  CHECK(calls < 100);
+}
+
 TEST_CASE("a mount point is refused before the work, not after it") {
   struct stat inside {
   }, outside{};

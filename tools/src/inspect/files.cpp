@@ -74,7 +74,7 @@ bool same_bytes(const FrameRecord& x, const FrameRecord& y, Kind kind) {
       return false;
     }
   }
-  const fs::path &a = kind == Kind::colour ? x.rgb : x.depth, &b = kind == Kind::colour ? y.rgb : y.depth;
+  const fs::path a = kind == Kind::colour ? x.rgb : x.depth, b = kind == Kind::colour ? y.rgb : y.depth;
   if (a == b) return true;
   std::error_code error;
   const auto size = fs::file_size(a, error);
@@ -91,7 +91,7 @@ class SizeCheck {
  public:
   SizeCheck(Kind kind, std::optional<cv::Size> expected) : kind_(kind), expected_(expected) {}
   void add(const FrameRecord& frame) {
-    const fs::path& path = kind_ == Kind::colour ? frame.rgb : frame.depth;
+    const fs::path path = kind_ == Kind::colour ? frame.rgb : frame.depth;
     in_files_ = frame.source == nullptr;
     const auto size = image_size(frame, kind_);
     if (!size) {

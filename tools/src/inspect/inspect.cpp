@@ -164,17 +164,11 @@ void judge_stamps(double depth_offset, SequenceReport& report) {
 
 /// Rows that are read one after the other, of a camera that does not say so.
 void judge_readout(const CameraConfig& camera, SequenceReport& report) {
-  constexpr std::size_t kFewest = 30, kMost = 150;  // frames: some seconds of computing
-  constexpr double kShort = 0.004;                  // seconds: little depends on less
-  if (camera.readout_time != 0 || report.undecodable || report.sequence.frames.size() < kFewest) return;
+  constexpr std::size_t kMost = 150;  // frames: some seconds of computing
+  if (report.undecodable) return;
   Sequence part = report.sequence;
   part.frames.resize(std::min(part.frames.size(), kMost));
-  const ReadoutReport measured = measure_readout(part, camera);
-  if (!measured.readout || std::abs(*measured.readout) < std::max(kShort, measured.half_width)) return;
-  report.odd.push_back(
-      fmt::format("the rows of colour images are read in {:.3f} +- {:.3f} s, of which the camera "
-                  "{} says nothing: a camera file with readout_time = {:.3f} does",
-                  *measured.readout, measured.half_width, camera.name, *measured.readout));
+  if (const auto doubt = readout_doubt(part, camera)) report.odd.push_back(*doubt);
 }
 
 std::string quoted(const std::string& text) {

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -128,6 +130,47 @@ ReadoutReport measure_readout(const Sequence& sequence, const CameraConfig& came
     if (report.why_not.empty()) high = tried(next + kBeside);
   }
   return report;
+}
+
+std::optional<std::string> readout_doubt(const Sequence& sequence, const CameraConfig& camera) {
+  constexpr std::size_t kFewest = 30;  // frames
+  constexpr double kShort = 0.004;     // seconds: little depends on less
+  if (camera.readout_time != 0 || sequence.frames.size() < kFewest) return std::nullopt;
+  const ReadoutReport measured = measure_readout(sequence, camera);
+  if (!measured.readout || std::abs(*measured.readout) < std::max(kShort, measured.half_width))
+    return std::nullopt;
+  return fmt::format(
+      "the rows of colour images are read in {:.3f} +- {:.3f} s, of which the camera "
+      "{} says nothing: a camera file with readout_time = {:.3f} does",
+      *measured.readout, measured.half_width, camera.name, *measured.readout);
+}
+
+std::vector<std::string> readout_doubts(const ReadoutMeasurement<double>& run, const Sequence& sequence,
+                                        const CameraConfig& camera) {
+  // The map has taken most of the shear: what is left of it is a suspicion, no measurement.
+  constexpr double kSuspicious = 0.001;  // seconds: a twentieth of what most cameras take is left
+  constexpr std::size_t kFewest = 50;    // frames: fewer leave it open
+  if (camera.readout_time != 0 || run.images().size() < kFewest ||
+      !(std::abs(run.correction()) > kSuspicious))
+    return {};
+  // Asked of those frames of a few seconds that say most.
+  constexpr std::size_t kFrames = 90;
+  const std::span<const ReadoutImage<double>> images = run.images();
+  const std::size_t length = std::min(kFrames, images.size());
+  double information = 0, most = 0;
+  std::size_t best = length;  // one behind the last
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    information += images[i].information - (i >= length ? images[i - length].information : 0);
+    if (i + 1 < length || information <= most) continue;
+    most = information;
+    best = i + 1;
+  }
+  Sequence part = sequence;
+  std::erase_if(part.frames, [&](const FrameRecord& frame) {
+    return frame.t_rgb < images[best - length].t || frame.t_rgb > images[best - 1].t;
+  });
+  const std::optional<std::string> doubt = readout_doubt(part, camera);
+  return doubt ? std::vector<std::string>{*doubt} : std::vector<std::string>();
 }
 
 }  // namespace dynslam::runtime

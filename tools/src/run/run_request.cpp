@@ -3,6 +3,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <filesystem>
+#include <string>
+#include <system_error>
+#include <vector>
+
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/slam/saved_map.hpp"
@@ -49,6 +55,24 @@ MapClasses map_classes(const RunOptions& options) {
   if (!uses_semantic(options.dynamics)) return loaded_classes(options);
   if (!uses_network(options)) return labels_of_masks(mask_options(options));
   return with_classes(loaded_classes(options), options.segmentation.segmenter.map_classes);
+}
+
+void check_masks_are_there(const RunOptions& options, const Sequence& sequence) {
+  std::error_code error;
+  for (const FrameRecord& frame : sequence.frames) {
+    if (std::filesystem::exists(options.masks / (frame.stamp + ".png"), error)) return;
+  }
+  if (!std::filesystem::is_directory(options.masks, error)) return;  // which who reads them says
+  std::vector<std::string> names;
+  for (const auto& file : std::filesystem::directory_iterator(options.masks, error))
+    names.push_back(file.path().filename().string());
+  std::sort(names.begin(), names.end());
+  throw InputError(
+      options.masks.string(), 0,
+      fmt::format("has no mask for any frame of the sequence: {}.png and the like are looked for, it "
+                  "holds {}",
+                  sequence.frames.front().stamp,
+                  names.empty() ? "nothing" : names.front() + (names.size() > 1 ? " and the like" : "")));
 }
 
 SlamOptions slam_options(const RunOptions& options) {

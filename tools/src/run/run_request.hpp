@@ -18,4 +18,7 @@ void check_request(const RunOptions& options);
 /// The system that a run is made with.
 [[nodiscard]] SlamOptions slam_options(const RunOptions& options);
 
+/// @throws InputError where the folder of masks has none of any frame: the wrong one, most likely
+void check_masks_are_there(const RunOptions& options, const Sequence& sequence);
+
 }  // namespace dynslam::runtime

@@ -15,9 +15,11 @@
 
 #include "dynslam/runtime/config/options_file.hpp"
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/inspect/readout.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/frame_stream.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
+#include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/mask_reader.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/slam.hpp"
@@ -53,18 +55,19 @@ CameraConfig camera_of_run(const Sequence& sequence, const RunOptions& options) 
 /// A run: its parts, and what it has so far.
 class Run {
  public:
-  Run(const RunOptions& options, const RunWatch& watch);
-  /// Tracks all frames, or as many as there are before `stop`. @throws what ends the run
-  void track(const std::atomic<bool>& stop, const std::function<void(const Progress&)>& progress);
+  Run(const RunOptions& options, const RunWatch& watch, const std::atomic<bool>& stop);
+  /// Tracks all frames, or as many as there are before the stop. @throws what ends the run
+  void track(const std::function<void(const Progress&)>& progress);
   [[nodiscard]] const Sequence& sequence() const { return sequence_; }
   [[nodiscard]] const CameraConfig& camera() const { return camera_; }
   /// Saves what was computed; each part also where another one fails.
-  void save(const std::atomic<bool>& stop);
+  void save();
   /// Does a part of the run; the first failure of all is kept for the end.
   template <class Part>
   void attempt(Part&& part) {
     try {
       part();
+    } catch (const InferenceStopped&) {  // as the run is
     } catch (...) {
       if (!failure_) failure_ = std::current_exception();
     }
@@ -84,7 +87,6 @@ class Run {
   void save_at_times();
   void report(const std::function<void(const Progress&)>& progress) const;
   void count_missing_masks();
-  void judge_broken();
   void save_progress();
   void take_trajectories();
   void write_files();
@@ -92,6 +94,8 @@ class Run {
 
   const RunOptions& options_;
   const RunWatch& watch_;
+  const std::atomic<bool>& stop_;
+  FileHandle lock_;  // on the folder of the results
   Sequence sequence_;
   CameraConfig camera_;
   std::optional<MaskSource> masks_;
@@ -116,14 +120,17 @@ class Run {
   std::unique_ptr<LiveSlam> live_;  // last: its threads use all of the above
 };
 
-Run::Run(const RunOptions& options, const RunWatch& watch)
+Run::Run(const RunOptions& options, const RunWatch& watch, const std::atomic<bool>& stop)
     : options_(options),
       watch_(watch),
+      stop_(stop),
       sequence_(load_sequence(options.sequence, sequence_options(options))),
       camera_(camera_of_run(sequence_, options)),
       pace_(options.live_speed, options.live_gap) {
-  if (uses_semantic(options.dynamics) && !uses_network(options))
+  if (uses_semantic(options.dynamics) && !uses_network(options)) {
+    check_masks_are_there(options, sequence_);
     masks_.emplace(options.masks, mask_options(options));
+  }
   summary_.interrupted = true;  // until the run has ended
   prepare_outputs();
   start_stages();
@@ -133,6 +140,7 @@ void Run::start_stages() {
   StreamOptions stream{.queue = 4};
   SlamOptions slam = slam_options(options_);
   slam.mapped = watch_.mapped;
+  if (slam.network) slam.network->segmenter.stop = &stop_;
   if (options_.schedule == Schedule::live) {
     LiveOptions live = options_.live;
     live.clock = nullptr;
@@ -150,6 +158,7 @@ void Run::start_stages() {
     prepare_ = std::make_unique<FramePreparation>(options_.tracker);
     stream.prepare = std::ref(*prepare_);
   }
+  if (camera_.readout_time == 0 && !options_.readout_time && !live_) slam_->measure_readout();
   if (!options_.load_map.empty()) slam_->load(options_.load_map);
   if (!options_.save_map.empty()) check_map_folder(options_.save_map);
   wall_ = Stopwatch();
@@ -157,6 +166,7 @@ void Run::start_stages() {
   if (uses_network(options_) && !live_) {
     SegmentationStageOptions network = options_.segmentation;
     network.segmenter.labels = mask_options(options_).map_labels;
+    network.segmenter.stop = &stop_;
     segmentation_ = std::make_unique<SegmentationStage>(*stream_, network);
   }
 }
@@ -164,6 +174,7 @@ void Run::start_stages() {
 /// The output is proven writable before hours are spent on computing it.
 void Run::prepare_outputs() {
   make_folder(options_.out);
+  lock_ = lock_folder(options_.out);
   write_file(options_.out / "config.toml", config_file(options_));
   write_summary();
   for (int map = 2; fs::remove(separate_file(options_.out, map)); ++map) {  // of an earlier run
@@ -193,11 +204,11 @@ std::optional<SegmentedFrame> Run::next() {
   return SegmentedFrame{std::move(*frame), {}};
 }
 
-void Run::track(const std::atomic<bool>& stop, const std::function<void(const Progress&)>& progress) {
-  while (!stop.load()) {
+void Run::track(const std::function<void(const Progress&)>& progress) {
+  while (!stop_.load()) {
     std::optional<SegmentedFrame> input = next();
     if (!input) break;
-    if (live_ && !pace_.wait(input->frame.record.t_rgb, stop)) break;
+    if (live_ && !pace_.wait(input->frame.record.t_rgb, stop_)) break;
     if (live_ && input->frame.frame) take_live(*input->frame.frame);
     const std::lock_guard lock(mutex_);
     ++summary_.frames;
@@ -273,18 +284,6 @@ void Run::count_missing_masks() {
   const std::size_t decoded = summary_.frames - summary_.broken;
   note_problem(
       fmt::format("{} of {} frames have no mask in {}", masks_->missing(), decoded, options_.masks.string()));
-  if (masks_->missing() == decoded)  // the wrong folder, most likely
-    throw InputError(options_.masks.string(), 0, "has no mask for any frame of the sequence");
-}
-
-void Run::judge_broken() {
-  if (static_cast<double>(summary_.broken) <= options_.max_broken * static_cast<double>(summary_.frames))
-    return;
-  throw InputError(
-      options_.sequence.string(), 0,
-      fmt::format("{} of {} frames are broken, more than the share of {} that --max-broken allows; "
-                  "first problem: {}",
-                  summary_.broken, summary_.frames, options_.max_broken, summary_.problems.front()));
 }
 
 /// What a kill leaves. A disk that is full now may have room again in the end. A long trajectory takes long
@@ -301,13 +300,13 @@ void Run::save_progress() {
   unsaved_ms_ = -watch.lap_ms() / kShare;
 }
 
-void Run::save(const std::atomic<bool>& stop) {
-  const bool stopped = stop.load();
+void Run::save() {
+  const bool stopped = stop_.load();
   if (live_) attempt([&] { live_->finish(); });  // or it has failed: nobody else uses what follows
   attempt([&] { count_missing_masks(); });
   if (masks_) summary_.masks_from = masks_->describe();
   if (segmentation_) summary_.masks_from = segmentation_->describe();
-  attempt([&] { judge_broken(); });
+  attempt([&] { check_broken(options_, summary_); });
   attempt([&] { slam_->finish(); });
   take_trajectories();
   if (pace_.skipped() > 0)  // the first to be read
@@ -320,9 +319,14 @@ void Run::save(const std::atomic<bool>& stop) {
   if (unlisted_ > 0) summary_.problems.push_back(fmt::format("and {} more problems", unlisted_));
   if (reserve_) reserve_->release();
   write_files();
-  if (options_.map && slam_->whole()) attempt([&] { slam_->save_octree(options_.out); });
+  if (options_.map && slam_->whole()) {
+    attempt([&] { slam_->save_octree(options_.out); });
+    summary_.nothing_mapped = !has_occupied(*slam_->octree());
+  }
   if (!options_.save_map.empty()) attempt([&] { slam_->save(options_.save_map); });
   elapsed_ms_ += wall_.lap_ms();
+  if (slam_->readout() && !stopped && !failure_)  // it takes seconds where there is something to be doubted
+    attempt([&] { summary_.warnings = readout_doubts(*slam_->readout(), sequence_, camera_); });
   summary_.interrupted = stopped;
   summary_.stages = timings_.statistics();
   attempt([&] { write_summary(); });
@@ -365,12 +369,7 @@ void Run::write_summary() {
 RunSummary Run::summary() {
   if (failure_) std::rethrow_exception(failure_);
   if (summary_.tracked > 0 || summary_.interrupted) return std::move(summary_);
-  if (!options_.load_map.empty())
-    throw InputError(options_.load_map.string(), 0, "the camera never found itself in this map");
-  throw InputError(options_.sequence.string(), 0,
-                   summary_.problems.empty()
-                       ? "no frame could be tracked"
-                       : "no frame could be tracked; first problem: " + summary_.problems.front());
+  refuse_without_poses(options_, summary_);
 }
 
 }  // namespace
@@ -390,10 +389,10 @@ RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop
                         const std::function<void(const Sequence&, const CameraConfig&)>& opened,
                         const RunWatch& watch) {
   check_request(options);
-  Run run(options, watch);
+  Run run(options, watch, stop);
   if (opened) opened(run.sequence(), run.camera());
-  run.attempt([&] { run.track(stop, progress); });
-  run.save(stop);
+  run.attempt([&] { run.track(progress); });
+  run.save();
   return run.summary();
 }
 

@@ -9,6 +9,8 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/core/version.hpp>
 
+#include "dynslam/runtime/error.hpp"
+
 namespace dynslam::runtime {
 namespace {
 
@@ -61,6 +63,7 @@ std::string summary_json(const RunOptions& options, const CameraConfig& camera, 
   if (options.schedule == Schedule::live) j["live"] = live(options, s);
   j["interrupted"] = s.interrupted;
   j["problems"] = s.problems;
+  j["warnings"] = s.warnings;
   for (const auto& [name, value] : s.stages)
     j["stages"][name] = {{"median_ms", value.median_ms}, {"p95_ms", value.p95_ms}};
   j["separate_maps"] = nlohmann::json::array();
@@ -89,6 +92,24 @@ std::string summary_json(const RunOptions& options, const CameraConfig& camera, 
       {"compiler", __VERSION__}};
   // Names of files are bytes; JSON has text alone.
   return j.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+void check_broken(const RunOptions& options, const RunSummary& summary) {
+  if (static_cast<double>(summary.broken) <= options.max_broken * static_cast<double>(summary.frames)) return;
+  throw InputError(
+      options.sequence.string(), 0,
+      fmt::format("{} of {} frames are broken, more than the share of {} that --max-broken allows; "
+                  "first problem: {}",
+                  summary.broken, summary.frames, options.max_broken, summary.problems.front()));
+}
+
+void refuse_without_poses(const RunOptions& options, const RunSummary& summary) {
+  if (!options.load_map.empty())
+    throw InputError(options.load_map.string(), 0, "the camera never found itself in this map");
+  throw InputError(options.sequence.string(), 0,
+                   summary.problems.empty()
+                       ? "no frame could be tracked"
+                       : "no frame could be tracked; first problem: " + summary.problems.front());
 }
 
 void drop_found(const LostFrames& lost, RunSummary& summary) {

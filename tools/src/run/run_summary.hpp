@@ -21,4 +21,9 @@ using LostFrames = std::vector<std::pair<double, std::size_t>>;
 /// Takes frames that have a pose in the trajectory after all out of the problems.
 void drop_found(const LostFrames& lost, RunSummary& summary);
 
+/// @throws InputError where more frames are broken than RunOptions::max_broken allows
+void check_broken(const RunOptions& options, const RunSummary& summary);
+/// @throws InputError with the reason why no frame has a pose
+[[noreturn]] void refuse_without_poses(const RunOptions& options, const RunSummary& summary);
+
 }  // namespace dynslam::runtime

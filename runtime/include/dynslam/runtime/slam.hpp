@@ -111,6 +111,13 @@ class Slam {
   /// The semantic octree; null without `SlamOptions::map`. Valid after finish(), until the next frame.
   [[nodiscard]] const interop::SemanticOcTree* octree() const;
 
+  /// Has the frames that follow tell how long the camera reads its rows. Poses stay what they are; a camera
+  /// with a `readout_time` is then tracked without the search for turns within a frame, which would explain
+  /// the same. Call it before the first frame.
+  void measure_readout();
+  /// What they told, see ReadoutMeasurement; empty without measure_readout().
+  [[nodiscard]] const std::optional<ReadoutMeasurement<double>>& readout() const;
+
   /// What the geometry found in the frame that track() had last: its mask, and keypoints with their static
   /// weights. Null where the mode does not ask it, or the frame has no pose in the main map. Valid until the
   /// next frame.

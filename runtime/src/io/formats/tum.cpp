@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <sstream>
+#include <utility>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
@@ -207,14 +208,14 @@ void read_lists(Sequence& sequence, const std::string& associations, const Seque
       sequence.depth_times.push_back(record.t_depth);
     }
   } else {
-    const auto rgb = read_list(root / "rgb.txt", sequence.notes),
-               depth = read_list(root / "depth.txt", sequence.notes);
+    auto rgb = read_list(root / "rgb.txt", sequence.notes),
+         depth = read_list(root / "depth.txt", sequence.notes);
     for (const auto& e : rgb) sequence.colour_times.push_back(e.t);
     for (const auto& e : depth) sequence.depth_times.push_back(e.t - offset);
     for (const auto& [i, j] :
          associate(sequence.colour_times, sequence.depth_times, options.max_association_difference)) {
-      sequence.frames.push_back(
-          {rgb[i].t, sequence.depth_times[j], rgb[i].stamp, rgb[i].path, depth[j].path, rgb[i].ns});
+      sequence.frames.push_back({rgb[i].t, sequence.depth_times[j], std::move(rgb[i].stamp),
+                                 std::move(rgb[i].path), std::move(depth[j].path), rgb[i].ns});
     }
     if (sequence.frames.empty()) {
       throw InputError(
@@ -226,8 +227,8 @@ void read_lists(Sequence& sequence, const std::string& associations, const Seque
     }
   }
   for (FrameRecord& record : sequence.frames) {
-    record.rgb = root / record.rgb;
-    record.depth = root / record.depth;
+    record.rgb = root / fs::path(record.rgb);
+    record.depth = root / fs::path(record.depth);
   }
 }
 

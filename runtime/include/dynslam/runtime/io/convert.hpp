@@ -34,7 +34,7 @@ struct ConvertReport {
 /// depth.txt, camera.txt and, where there is one, groundtruth.txt. Times are kept; depth in the camera's
 /// units, what it says to be none as 0. Colour is scaled by averaging or bicubic, depth by the nearest pixel,
 /// the camera with them.
-/// @param out  a new or empty folder
+/// @param out  a new or empty folder, or one that an interrupted conversion left (it holds unfinished.txt)
 /// @throws UsageError  an image of less than 64 or more than 8192 pixels a side, `every` of 0
 /// @throws InputError  `out` holds something or cannot be written; more than half of the frames are broken
 ConvertReport convert_sequence(const Sequence& sequence, const CameraConfig& camera,

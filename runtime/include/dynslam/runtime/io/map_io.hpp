@@ -37,19 +37,25 @@ inline constexpr const char* kEarlierMapFile = "map.ot";
 [[nodiscard]] std::filesystem::path map_file_in(const std::filesystem::path& folder);
 
 /// Writes a map as an OctoMap file of type SemanticOcTree, `.sot`: everything, exactly. Goes through a
-/// temporary file. Own names of classes go into the header, as comments "# label N NAME".
-/// @throws InputError
+/// temporary file. Own names of classes go into the header, as comments "# label N NAME", and a check sum of
+/// everything behind the tree. @throws InputError
 void save_map(const interop::SemanticOcTree& tree, const std::filesystem::path& path,
               const MapClasses& classes = {});
-/// Reads what save_map() wrote, whatever its name. @throws InputError naming the file: missing, of another
-/// type, cut short or corrupt
-[[nodiscard]] std::unique_ptr<interop::SemanticOcTree> load_map(const std::filesystem::path& path);
+/// Reads what save_map() wrote, whatever its name, and files of dynslam 0.1.0, which have no check sum.
+/// @param note  takes a line that says so; null: nobody is told
+/// @throws InputError naming the file: missing, of another type, cut short or corrupt
+[[nodiscard]] std::unique_ptr<interop::SemanticOcTree> load_map(const std::filesystem::path& path,
+                                                                std::string* note = nullptr);
 
 /// Names of the classes of a saved map; those of every map where the file has no others or cannot be read.
+/// @throws InputError naming a file that is not what its check sum says
 [[nodiscard]] MapClasses load_map_classes(const std::filesystem::path& path);
 
 /// Whether a file is a map as save_map() writes it, by its first lines; false where it cannot be read.
 [[nodiscard]] bool is_semantic_map(const std::filesystem::path& path);
+
+/// Whether any voxel of a map is occupied.
+[[nodiscard]] bool has_occupied(const interop::SemanticOcTree& tree);
 
 /// Exports a map; the file's extension chooses the format. All of them go through a temporary file.
 ///   .sot  the map itself, as save_map() writes it.

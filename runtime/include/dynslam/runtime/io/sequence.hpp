@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "dynslam/eval/trajectory.hpp"
@@ -19,13 +20,28 @@
 
 namespace dynslam::runtime {
 
+/// A path by its text alone: std::filesystem::path keeps an object for each of its components, which is most
+/// of the memory of a list with a million images.
+class ImagePath {
+ public:
+  ImagePath() = default;
+  ImagePath(const std::filesystem::path& path) : text_(path.string()) {}
+  ImagePath(std::string text) : text_(std::move(text)) {}
+  operator std::filesystem::path() const { return text_; }
+  [[nodiscard]] const std::string& string() const { return text_; }
+  [[nodiscard]] std::filesystem::path filename() const { return std::filesystem::path(text_).filename(); }
+
+ private:
+  std::string text_;
+};
+
 /// One colour image with its depth image.
 struct FrameRecord {
   double t_rgb = 0,
-         t_depth = 0;  ///< [s]; of depth, when it was taken: CameraConfig::depth_time_offset is off
-  std::string stamp;   ///< colour time or number as the folder prints it; names masks and results
-  std::filesystem::path rgb, depth;  ///< files; with a `source` names for messages alone
-  std::int64_t ns{};                 ///< t_rgb in nanoseconds, as it was recorded; 0: unknown
+         t_depth = 0;      ///< [s]; of depth, when it was taken: CameraConfig::depth_time_offset is off
+  std::string stamp;       ///< colour time or number as the folder prints it; names masks and results
+  ImagePath rgb, depth;    ///< files; with a `source` names for messages alone
+  std::int64_t ns{};       ///< t_rgb in nanoseconds, as it was recorded; 0: unknown
   cv::Size colour_size{};  ///< of the colour file [px] where it is to be scaled to the camera's; else empty
   std::shared_ptr<const ImageSource> source{};      ///< of images that are no files; else null
   std::size_t colour_number = 0, depth_number = 0;  ///< there

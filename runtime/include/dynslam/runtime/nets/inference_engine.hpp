@@ -3,12 +3,15 @@
 
 #include "dynslam/push_macros.hpp"
 
+#include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -45,12 +48,29 @@ enum class EngineKind { automatic, onnxruntime, opencv };
 /// An engine by its name; empty: there is none of that name.
 [[nodiscard]] std::optional<EngineKind> parse_engine(std::string_view name);
 
+/// A network was at work when it was to stop.
+struct InferenceStopped : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// How a network is run.
+struct EngineOptions {
+  EngineKind kind = EngineKind::automatic;
+  int threads = 1;
+  /// Memory that ONNX Runtime may take for weights and values of all networks of the process [bytes]; the
+  /// first network that is loaded sets it. Segmenters need some hundred megabytes; a network that asks for
+  /// more than this is mistaken, or its author is not a friend.
+  std::size_t memory = std::size_t(4) << 30U;
+  const std::atomic<bool>* stop =
+      nullptr;  ///< ends a run that does not end when it becomes true; null: nobody
+};
+
 /// Runs one network, on the CPU, in this process.
 class InferenceEngine {
  public:
   virtual ~InferenceEngine() = default;
   /// Runs the network on one tensor, which is converted where the network takes half precision.
-  /// @throws InputError naming the model when the engine refuses
+  /// @throws InputError naming the model when the engine refuses, InferenceStopped
   virtual void run(std::span<const float> input, std::span<const std::int64_t> shape,
                    std::vector<Tensor>& outputs) = 0;
   [[nodiscard]] virtual const std::vector<TensorInfo>& inputs() const = 0;
@@ -64,14 +84,13 @@ class InferenceEngine {
 [[nodiscard]] bool has_onnxruntime();
 
 /// Loads a model. `automatic` takes ONNX Runtime, and OpenCV's dnn where the build has none.
-/// @param threads  of the network itself
 /// @throws InputError when the file is missing, damaged or refused; UsageError for an engine this build lacks
 [[nodiscard]] std::unique_ptr<InferenceEngine> load_engine(const std::filesystem::path& model,
-                                                           EngineKind kind, int threads);
+                                                           const EngineOptions& options = {});
 
 /// ONNX Runtime's; called by load_engine.
 [[nodiscard]] std::unique_ptr<InferenceEngine> make_onnxruntime_engine(const std::filesystem::path& model,
-                                                                       int threads);
+                                                                       const EngineOptions& options);
 /// That of OpenCV's dnn; called by load_engine.
 [[nodiscard]] std::unique_ptr<InferenceEngine> make_opencv_engine(const std::filesystem::path& model);
 

@@ -4,6 +4,7 @@
 #include "dynslam/push_macros.hpp"
 
 #include <array>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -43,7 +44,9 @@ struct SegmenterOptions {
   std::vector<std::string>
       map_classes;    ///< for the map; empty: those of chair, tv, tvmonitor, display that the model has
   MapClasses labels;  ///< those that the map has so far; `map_classes` may add to them
-  cv::Size input{640, 480};  ///< where the graph leaves the size open
+  std::size_t memory = EngineOptions().memory;  ///< that the network may take [bytes]
+  const std::atomic<bool>* stop = nullptr;      ///< see EngineOptions
+  cv::Size input{640, 480};                     ///< where the graph leaves the size open
 };
 
 /// A segmentation network in an ONNX file.

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "dynslam/optim/readout_measurement.hpp"
 #include "dynslam/runtime/io/camera.hpp"
 #include "dynslam/runtime/io/sequence.hpp"
 
@@ -40,6 +41,15 @@ struct ReadoutReport {
 /// @param progress  called after each run
 [[nodiscard]] ReadoutReport measure_readout(const Sequence& sequence, const CameraConfig& camera,
                                             const std::function<void(const ReadoutTrial&)>& progress = {});
+
+/// What measure_readout() says against a camera whose `readout_time` is 0, in a line with the key that mends
+/// it; nullopt where the rows may all be of one time, or nothing can be measured.
+[[nodiscard]] std::optional<std::string> readout_doubt(const Sequence& sequence, const CameraConfig& camera);
+/// The same after a run, which itself says whether there is anything to be measured; then the frames that say
+/// most are tracked anew, 90 at most. A line, or none.
+/// @param run  Slam::readout() of the run with this camera
+[[nodiscard]] std::vector<std::string> readout_doubts(const ReadoutMeasurement<double>& run,
+                                                      const Sequence& sequence, const CameraConfig& camera);
 
 }  // namespace dynslam::runtime
 

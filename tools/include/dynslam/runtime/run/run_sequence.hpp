@@ -46,8 +46,10 @@ struct RunSummary {
   std::vector<LoopClosing> loops;
   std::vector<std::pair<std::string, MaskVerdict>> masks_rejected;  ///< time stamps of frames, and why
   std::vector<std::string> problems;                                ///< one line each, in order of frames
+  std::vector<std::string> warnings;  ///< of the input as a whole, a line each, with what mends it
   std::string masks_from;  ///< what gave the a-priori masks and how it was read, in a line; empty: nothing
   std::size_t masked = 0;  ///< frames in which an a-priori mask marks something
+  bool nothing_mapped = false;  ///< an octree was built, and no voxel of it is occupied
   bool interrupted = false;
   std::optional<LiveStatistics> live;  ///< of a live run
   /// Of `lost`, frames that have a pose in a map of their own, whose place was never recognised:
