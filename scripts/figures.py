@@ -20,7 +20,7 @@ OUT = pathlib.Path(os.environ.get("OUT", ROOT / "docs/figures")).resolve()
 
 WALKING = "rgbd_dataset_freiburg3_walking_halfsphere_first50"
 PEOPLE = "fr1_xyz_people_200"
-RED = np.array([40.0, 40.0, 255.0])  # BGR
+RED, ORANGE = np.array([40.0, 40.0, 255.0]), np.array([0.0, 165.0, 255.0])  # BGR
 
 
 class Absent(Exception):
@@ -59,10 +59,11 @@ def colour_images(folder):
 
 
 def with_mask(image, mask):
-    """Red where the mask is, with its border drawn."""
+    """Red where something moves, orange where it only may, with the border drawn."""
     shown = image.copy()
     there = mask > 0
-    shown[there] = (0.5 * shown[there] + 0.5 * RED).astype(np.uint8)
+    for part, colour in ((mask == 255, RED), (there & (mask < 255), ORANGE)):
+        shown[part] = (0.5 * shown[part] + 0.5 * colour).astype(np.uint8)
     borders, _ = cv2.findContours(there.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return cv2.drawContours(shown, borders, -1, (255, 255, 255), 1)
 
@@ -331,7 +332,44 @@ def troubleshooting():
     return write("troubleshooting.jpg", sheet([[lost, masked], [scaled, twice]]))
 
 
-PICTURES = {f.__name__: f for f in (overview, masks, weights, maps, trajectory, stages, pipeline, troubleshooting)}
+def reliability():
+    """Of what is said to move with a probability, how much does: rendered people on a floor, and a board."""
+    example = pathlib.Path(os.environ.get("EXAMPLES", "build/release/examples")) / "example_12_reliability"
+    if not example.exists():
+        raise Absent(f"{example} is missing: DYNSLAM_BUILD_EXAMPLES=ON builds it")
+    cells, said, moved = np.zeros(10), np.zeros(10), np.zeros(10)
+    for scenario, path in (("crowd", "xyz"), ("walking", "xyz"), ("board", "halfsphere")):
+        folder = WORK / f"{scenario}_{path}"
+        if not (folder / "groundtruth.txt").exists():
+            call("synth", folder, "--scenario", scenario, "--path", path, "--seed", 4, "--frames", 120)
+        subprocess.run([example, folder, folder / "reliability"], check=True, stdout=subprocess.DEVNULL)
+        n, p, m = np.genfromtxt(folder / "reliability.csv", delimiter=",", skip_header=1).T
+        cells, said, moved = cells + n, said + n * p, moved + n * m
+    left, top, side = 70, 20, 320
+    at = lambda x, y: (left + side * x, top + side * (1 - y))
+    parts = [f'<rect x="{left}" y="{top}" width="{side}" height="{side}" fill="none" stroke="#999"/>',
+             f'<line x1="{left}" y1="{top + side}" x2="{left + side}" y2="{top}" stroke="#999" stroke-dasharray="4 4"/>']
+    for k in range(10):
+        if cells[k] == 0:
+            continue
+        x, y = at(said[k] / cells[k], moved[k] / cells[k])
+        share = cells[k] / cells.sum()
+        parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{5 if share >= 0.01 else 3}" '
+                  f'fill="{"#1f4fd6" if share >= 0.01 else "#9db4ee"}"/>']
+    for value in (0, 0.5, 1):
+        parts += [words(*np.add(at(value, 0), (0, 18)), f"{value:g}", "middle"),
+                  words(*np.add(at(0, value), (-8, 4)), f"{value:g}", "end")]
+    parts += [words(left + side / 2, top + side + 40, "said to move with this probability", "middle"),
+              words(left + side + 20, top + 20, "share of the cells that do"),
+              '<circle cx="415" cy="70" r="5" fill="#1f4fd6"/>', words(428, 75, "1 % of the cells or more"),
+              '<circle cx="415" cy="94" r="3" fill="#9db4ee"/>', words(428, 99, "fewer")]
+    file = OUT / "reliability.svg"
+    file.write_text(svg(620, top + side + 55, parts))
+    return file
+
+
+PICTURES = {f.__name__: f for f in (overview, masks, weights, maps, trajectory, stages, pipeline, troubleshooting,
+                                    reliability)}
 
 
 def main():

@@ -6,6 +6,7 @@
 #
 #   scripts/figures.sh              all
 #   scripts/figures.sh NAME...      these: overview masks weights maps trajectory stages pipeline troubleshooting
+#                                   reliability (needs the examples)
 #
 # Needs python3-opencv and python3-numpy (Debian). Environment: DYNSLAM the program (build/release/bin/dynslam);
 # DYNSLAM_DATA the folder with recorded sequences (tum/) and networks (models/); WORK where runs are kept

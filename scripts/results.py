@@ -258,8 +258,9 @@ def networks():
 
 def guests():
     """OpenCV's RGB-D odometry, frame to frame, alone and with what moves masked out: by `MotionSegmenter` inside
-    (examples/06_rgbd_odometry.cpp), by the mask files of `dynslam run`, and by true masks where there are any. ATE RMSE
-    [cm]; it drifts by about a centimetre a frame, so that what differs by a few pixels differs by centimetres in the end.
+    (examples/06_rgbd_odometry.cpp), which locates itself or is given the odometry's own pose, by the mask files of
+    `dynslam run`, and by true masks where there are any. ATE RMSE [cm]; it drifts by about a centimetre a frame, so that
+    what differs by a few pixels differs by centimetres in the end.
 
     example_06_rgbd_odometry SEQ [--masks FOLDER...]"""
     example = pathlib.Path(os.environ.get("EXAMPLES", sq.ROOT / "build/release/examples")) / "example_06_rgbd_odometry"
@@ -275,7 +276,7 @@ def guests():
         errors = [re.findall(r"([0-9.]+) cm", call([example, sequence.path, *options]))
                   for options in ([], ["--masks", *folders])]
         rows.append([sequence.name, *errors[0], *errors[1][1:]])
-    return table(["sequence", "alone", "`MotionSegmenter`", "`geometric`", "`both`", "true masks"], rows)
+    return table(["sequence", "alone", "`MotionSegmenter`, located", "its host's pose", "`geometric`", "`both`", "true masks"], rows)
 
 
 def speed():

@@ -33,6 +33,7 @@
 #include "dynslam/dynamics/standing.hpp"
 #include "dynslam/dynamics/static_weight.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
+#include "dynslam/eval/reliability.hpp"
 #include "dynslam/eval/trajectory.hpp"
 #include "dynslam/features/corners.hpp"
 #include "dynslam/features/descriptor.hpp"

@@ -173,7 +173,7 @@ template <class Kind, class Camera>
   }
   Image<std::uint8_t> regions(grid.width(), grid.height(), 0);
   KeypointRegions<S> paper;
-  (void)paper.find(std::span<const JudgedMatch<S>>(matches), grid, depth, {}, FreeSpaceMargins<float>{}, {}, regions);
+  (void)paper.find(std::span<const JudgedMatch<S>>(matches), grid, depth, {}, {}, {}, regions);
   put_image(out, "regions", regions);
   by_belief = by_regions = cells = 0;
   for (std::size_t c = 0; c < grid.cells(); ++c) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "dynslam/dynamics/classify.hpp"
+#include "dynslam/eval/reliability.hpp"
 #include "dynslam/eval/trajectory.hpp"
 #include "dynslam/geometry/rigid_alignment.hpp"
 #include "dynslam/geometry/se3.hpp"
@@ -53,6 +54,9 @@ void statistics_of(test::Record<double>& out) {
   out.put("classify", static_cast<double>(classify<S>(r, S(0), dynamic)));
   out.put("is_dynamic", is_dynamic(S(0.1), S(0.25)));
   out.put("statistics", static_cast<double>(statistics<S>(r).rmse));
+  ReliabilityDiagram diagram;
+  for (const S e : r) diagram.add(e, e > S(0.5));
+  out.put("reliability", diagram.largest_error());
   RhoSum<S, TDistribution<S>> joint{TDistribution<S>::with_dimension(S(5), 1)};
   const Huber<S> huber;
   RhoSum<S, Huber<S>> one_by_one(huber);

@@ -232,7 +232,7 @@ TEST_CASE("folders that hold no finished run, and damaged ones, are named with t
   CHECK(test::mentions(damaged("report.jsonl", "\"masks\":\"", "\"masks\":\"AAAA"),
                        "report.jsonl:2: is damaged: masks"));
   CHECK(test::mentions(damaged("report.jsonl", "\"report\"", "\"retort\""), "report.jsonl:1: is damaged"));
-  CHECK(test::mentions(damaged("map.sot", "# Octomap", "# Optomap"), "map.sot: is not an OctoMap file"));
+  CHECK(test::mentions(damaged("map.sot", "# Octomap", "# Optomap"), "map.sot: is corrupt: its check sum differs"));
   const fs::path copy = r.copy("both");
   fs::resize_file(copy / "report.jsonl", fs::file_size(copy / "report.jsonl") / 2);
   CHECK(test::mentions(failure(o), "report.jsonl"));

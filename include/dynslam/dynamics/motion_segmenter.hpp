@@ -209,6 +209,12 @@ class MotionSegmenter {
   /// Puts the reference keyframe where the host's map has it by now.
   void place_reference(const SE3<S>& T_c_w) { reference_.place(T_c_w); }
 
+  /// Log-odds that what is seen moves, in the cells of the frame last segmented: what the mask says in two words
+  /// (Method::full).
+  [[nodiscard]] const Image<float>& belief() const { return belief_.evidence().belief; }
+  /// The cells, and where pixels have theirs. Of the first frame's size; empty before it.
+  [[nodiscard]] const DepthGrid& grid() const { return grid_; }
+
   /// Whether the surface at a pixel of the frame last segmented was seen in the same place long before.
   [[nodiscard]] bool verified_static(float u, float v) const { return at_pixel(motion_.verified, u, v) != 0; }
 

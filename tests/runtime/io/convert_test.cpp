@@ -149,7 +149,7 @@ TEST_CASE("frames that cannot be read are left out and told; nothing is written 
   tiny.size = {16, 16};
   CHECK_THROWS_AS((void)convert_sequence(sequence, camera, out.path / "tiny", tiny), UsageError);
   CHECK_FALSE(fs::exists(out.path / "tiny"));
-  for (const FrameRecord& frame : sequence.frames) std::ofstream(frame.depth, std::ios::binary) << "no image";
+  for (const FrameRecord& frame : sequence.frames) std::ofstream(frame.depth.string(), std::ios::binary) << "no image";
   CHECK(mentions(error_of([&] { (void)convert_sequence(sequence, camera, out.path / "broken"); }),
                  "cannot be read"));
 }

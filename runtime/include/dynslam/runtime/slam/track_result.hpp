@@ -65,9 +65,10 @@ struct RecoveredPose {
   int inliers = 0;
 };
 
-/// Values of TrackResult::dynamic_mask. Whoever asks for what moves compares with the first; a map of what will be there
-/// tomorrow leaves out both.
-inline constexpr std::uint8_t kMovesNow = 255, kMayMove = 128;
+/// Value of TrackResult::dynamic_mask where something moves. Whoever asks for what moves compares with it.
+inline constexpr std::uint8_t kMovesNow = 255;
+/// And where something only may, by its class, and stands. A map of what will be there tomorrow leaves out both.
+inline constexpr std::uint8_t kMayMove = 128;
 
 /// What tracking a frame gave.
 struct TrackResult {
