@@ -6,6 +6,7 @@
 #
 #   scripts/install-deps.sh          everything: program, tests, benchmarks, second compiler
 #   scripts/install-deps.sh app      only what building and running the program needs
+#   scripts/install-deps.sh python   what the program needs and the Python module beside it (docs/python.md)
 #   scripts/install-deps.sh core     only what the headers need: a compiler, CMake, Ninja and Eigen
 set -euo pipefail
 
@@ -14,6 +15,7 @@ app=("${core[@]}" ccache curl ca-certificates libopencv-dev liboctomap-dev libcl
   libbz2-dev liblz4-dev libzstd-dev libsqlite3-dev file)  # file: cpack asks it which files are programs
 development=(git clang doctest-dev libbenchmark-dev libceres-dev libopencv-contrib-dev
   pkg-config python3 unzip doxygen libjs-mathjax parallel)
+python=(pybind11-dev python3-dev python3-numpy)
 # For one test each (the first with 60 packages of ROS and Boost), and not in every release: taken where apt has them.
 optional=(librosbag-storage-dev chromium xvfb)
 # PNG is decompressed by ISA-L, which not every architecture has, or by libdeflate.
@@ -30,8 +32,9 @@ fail() {
 case "${1:-all}" in
   core) packages=("${core[@]}") optional_app=() ONNXRUNTIME=off ;;
   app) packages=("${app[@]}") ;;
+  python) packages=("${app[@]}" "${python[@]}") ;;
   all) packages=("${app[@]}" "${development[@]}") ;;
-  *) fail "unknown argument '$1' (known: core, app, all)" ;;
+  *) fail "unknown argument '$1' (known: core, app, python, all)" ;;
 esac
 
 command -v apt-get > /dev/null && command -v dpkg-query > /dev/null ||

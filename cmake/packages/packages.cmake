@@ -6,6 +6,7 @@
 #   libdynslam-runtime-dev  dynslam::runtime, dynslam::synth, dynslam::evaluation: headers and static libraries
 #   dynslam                 the program, its manual pages and completions, cameras and the demo's network; with ONNX
 #                           Runtime in a folder of its own where scripts/install-onnxruntime.sh got it
+#   python3-dynslam         the Python module, with DYNSLAM_BUILD_PYTHON, for the Python that it was built with
 set(DYNSLAM_MAINTAINER "dynslam maintainers <maintainers@dynslam.invalid>" CACHE STRING
   "Who answers for the packages, as name and address")
 mark_as_advanced(DYNSLAM_MAINTAINER)
@@ -15,6 +16,9 @@ set(package_groups
   "libdynslam_dev dynslam_core dynslam_opencv dynslam_octomap"
   "libdynslam_runtime_dev dynslam_runtime"
   "dynslam dynslam_program dynslam_onnxruntime")
+if(TARGET dynslam_python)
+  list(APPEND package_groups "python3_dynslam dynslam_python")
+endif()
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME dynslam)
@@ -27,6 +31,7 @@ set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
   OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
 set(CPACK_PRE_BUILD_SCRIPTS ${PROJECT_SOURCE_DIR}/cmake/packages/prepare.cmake)
 set(CPACK_DYNSLAM_SOURCE ${PROJECT_SOURCE_DIR})
+list(TRANSFORM package_groups REPLACE " .*" "" OUTPUT_VARIABLE CPACK_DYNSLAM_GROUPS)
 set(CPACK_COMPONENTS_GROUPING ONE_PER_GROUP)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
@@ -84,6 +89,21 @@ Tracks the camera of an RGB-D sequence, finds what moves with or without a
 segmentation network, and builds a labelled octree map of what stays. Reads
 TUM, Bonn, ETH3D, ICL-NUIM, 7-Scenes, Replica, ScanNet and Redwood sequences
 and recordings of ROS 1 and 2 (.bag, .mcap, .db3).")
+
+if(TARGET dynslam_python)
+  set(CPACK_DEBIAN_PYTHON3_DYNSLAM_PACKAGE_NAME python3-dynslam)
+  set(CPACK_DEBIAN_PYTHON3_DYNSLAM_PACKAGE_SECTION python)
+  set(CPACK_DEBIAN_PYTHON3_DYNSLAM_PACKAGE_SHLIBDEPS ON)
+  math(EXPR next_python "${Python_VERSION_MINOR} + 1")
+  set(python_needs "python3 (>= 3.${Python_VERSION_MINOR})" "python3 (<< 3.${next_python})" python3-numpy)
+  if(onnxruntime_installed)
+    list(APPEND python_needs "dynslam (= ${PROJECT_VERSION})")
+  endif()
+  list(JOIN python_needs ", " CPACK_DEBIAN_PYTHON3_DYNSLAM_PACKAGE_DEPENDS)
+  set(CPACK_DEBIAN_PYTHON3_DYNSLAM_DESCRIPTION "RGB-D SLAM for dynamic scenes, the Python module
+Masks of what moves for a SLAM system in Python, the whole system frame by
+frame, readers of sequences, evaluation and queries to maps, on numpy arrays.")
+endif()
 
 set(CPACK_COMPONENTS_ALL)
 foreach(group IN LISTS package_groups)

@@ -9,7 +9,7 @@ function(compress file)
 endfunction()
 
 string(TIMESTAMP date "%a, %d %b %Y %H:%M:%S +0000" UTC)  # SOURCE_DATE_EPOCH, where that is set
-foreach(group IN ITEMS libdynslam_dev libdynslam_runtime_dev dynslam)
+foreach(group IN LISTS CPACK_DYNSLAM_GROUPS)
   set(root ${CPACK_TEMPORARY_INSTALL_DIRECTORY}/${group}/usr)
   if(NOT IS_DIRECTORY ${root})
     message(FATAL_ERROR "the package of ${group} was not staged in ${root}")

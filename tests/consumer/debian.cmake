@@ -60,6 +60,13 @@ needs(libdynslam-dev libeigen3-dev)
 needs(libdynslam-runtime-dev "libdynslam-dev .= ${VERSION}" "dynslam .= ${VERSION}" libopencv-dev liboctomap-dev)
 needs(dynslam libopencv-core liboctomap libfmt libc6)
 
+if(EXISTS ${WORK}/packages/python3-dynslam_${VERSION}_${architecture}.deb)
+  set(python3-dynslam ${WORK}/packages/python3-dynslam_${VERSION}_${architecture}.deb)
+  holds(python3-dynslam usr/lib/python3/dist-packages/dynslam/_dynslam usr/lib/python3/dist-packages/dynslam/__init__.pyi
+    dynslam/cameras/realsense_d435.txt NOT usr/bin/ "\\.a\n")
+  needs(python3-dynslam python3-numpy "python3 .<<" libopencv-core)
+endif()
+
 foreach(package IN ITEMS libdynslam-dev libdynslam-runtime-dev dynslam)
   check(ignored dpkg-deb -x ${${package}} ${WORK}/root)
 endforeach()

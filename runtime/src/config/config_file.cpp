@@ -166,10 +166,10 @@ std::string comment(const ConfigField& field) {
   if (const auto* choice = std::get_if<ConfigChoice>(&field.value))
     text += fmt::format(" ({})", fmt::join(choice->names, ", "));
   if (const std::string range = field.range.text(); !range.empty()) text += " (" + range + ")";
-  constexpr std::size_t kLongest = 100;
+  constexpr std::size_t kLongestLine = 100;
   std::string result;
-  while (text.size() > kLongest) {
-    const auto cut = text.rfind(' ', kLongest);
+  while (text.size() > kLongestLine) {
+    const auto cut = text.rfind(' ', kLongestLine);
     if (cut == std::string::npos) break;
     result += "# " + text.substr(0, cut) + '\n';
     text.erase(0, cut + 1);
