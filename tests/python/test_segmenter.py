@@ -23,6 +23,20 @@ class Masks(unittest.TestCase):
                 either += np.count_nonzero((motion.mask > 0) | truth)
         self.assertGreater(both / either, 0.8)
 
+    def test_keypoints_on_the_box_are_dynamic(self):
+        segmenter = dynslam.MotionSegmenter(scene.camera())
+        on_box, off_box = [], []
+        for k in range(40):
+            gray, depth, pose, truth = scene.view(k)
+            motion = segmenter.segment(gray, depth, k / 30, pose)
+            segmenter.remember(pose, motion.mask)
+            u, v = motion.pixels.round().astype(int).T
+            self.assertEqual((motion.weights.shape, motion.dynamic.shape), (u.shape, u.shape))
+            on_box.extend(motion.dynamic[truth[v, u]])
+            off_box.extend(motion.dynamic[~truth[v, u]])
+        self.assertGreater(len(on_box), 100)
+        self.assertGreater(np.mean(on_box), np.mean(off_box) + 0.5)
+
     def test_statuses(self):
         segmenter = dynslam.MotionSegmenter(scene.camera())
         gray, depth, pose, _ = scene.view(0)

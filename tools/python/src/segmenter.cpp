@@ -2,11 +2,13 @@
 #include <fmt/format.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <array>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "arrays.hpp"
 #include "bindings.hpp"
@@ -32,6 +34,21 @@ struct FoundMotion {
   MotionStatus status = MotionStatus::ok;
   bool own_pose = false;
   int tracked = 0, dynamic_matches = 0, mismatches = 0;
+  std::vector<JudgedMatch<double>> matches;
+
+  /// A number of each match.
+  template <class Out, class F>
+  [[nodiscard]] py::array_t<Out> of_matches(F&& number) const {
+    py::array_t<Out> result(static_cast<py::ssize_t>(matches.size()));
+    std::transform(matches.begin(), matches.end(), result.mutable_data(), number);
+    return result;
+  }
+  [[nodiscard]] py::array_t<double> pixels() const {
+    py::array_t<double> result({static_cast<py::ssize_t>(matches.size()), py::ssize_t(2)});
+    double* out = result.mutable_data();
+    for (const auto& match : matches) out = std::copy_n(match.x_m.data(), 2, out);
+    return result;
+  }
 };
 
 /// The segmenter with its camera. Sizes of images are the camera's.
@@ -58,6 +75,7 @@ class PythonSegmenter {
       result.tracked = motion.tracked;
       result.dynamic_matches = motion.dynamic_matches;
       result.mismatches = motion.mismatches;
+      result.matches = motion.matches;
       if (motion.ok()) {
         cv::Mat(size(), CV_8UC1, const_cast<std::uint8_t*>(motion.mask.data())).copyTo(mask);
       } else {
@@ -121,6 +139,20 @@ void bind_motion(py::module_& m) {
       .def_property_readonly("ok", [](const FoundMotion& f) { return f.status == MotionStatus::ok; })
       .def_readonly("own_pose", &FoundMotion::own_pose,
                     "The keypoints contradict T_c_w: a pose of the segmenter's own was used.")
+      .def_property_readonly("pixels", &FoundMotion::pixels,
+                             "Keypoints that were classified, (N, 2) float64 [px] in this frame.")
+      .def_property_readonly(
+          "weights",
+          [](const FoundMotion& f) {
+            return f.of_matches<double>([](const JudgedMatch<double>& match) { return match.weight; });
+          },
+          "Their static weights, (N,) float64, Eq (7).")
+      .def_property_readonly(
+          "dynamic",
+          [](const FoundMotion& f) {
+            return f.of_matches<bool>([](const JudgedMatch<double>& match) { return match.dynamic; });
+          },
+          "Which of them move, (N,) bool.")
       .def_readonly("tracked", &FoundMotion::tracked, "Keypoints of the reference that were found.")
       .def_readonly("dynamic_matches", &FoundMotion::dynamic_matches, "Of these, those that move.")
       .def_readonly("mismatches", &FoundMotion::mismatches, "Of these, those off their epipolar curve.");
