@@ -91,7 +91,7 @@ class Office(unittest.TestCase):
         for wrong, word in ((lambda: dynslam.Trajectory(truth.t[::-1], truth.T_w_c), "increasing"),
                             (lambda: dynslam.Trajectory(truth.t, truth.T_w_c[1:]), "T_w_c"),
                             (lambda: dynslam.evaluate(copy, truth, align="best"), "align"),
-                            (lambda: dynslam.evaluate(copy, dynslam.Trajectory(truth.t + 1e6, truth.T_w_c)), "time")):
+                            (lambda: dynslam.evaluate(copy, dynslam.Trajectory(truth.t + 1e6, truth.T_w_c)), "no ATE")):
             with self.assertRaisesRegex(ValueError, word):
                 wrong()
 
