@@ -43,6 +43,36 @@ struct EvaluateCommand::Options {
   bool json = false;
 };
 
+/// eval-masks, and what it takes.
+void EvaluateCommand::add_mask_options(CLI::App& app, Options& o) {
+  o.masks = app.add_subcommand("eval-masks", "IoU, recall and precision of masks");
+  o.masks->add_option("predicted", o.predicted, "Folder of PNG masks")->required();
+  o.masks->add_option("truth", o.truth,
+                      "Folder of true masks of the same names; without it: the share of pixels that masks "
+                      "cover, which are false alarms where nothing moves");
+  o.masks
+      ->add_option("--widen", o.widen,
+                   "Pixels by which the truth is widened before what lies beyond it counts as spill")
+      ->capture_default_str()
+      ->check(whole_in(0, 1000));
+  const auto add_labels = [&](const char* name, std::vector<std::string>& labels, const char* whose) {
+    o.masks
+        ->add_option(name, labels,
+                     fmt::format("What the values of the {} masks mean, as for run: voc, coco, cityscapes, "
+                                 "instances, binary, or 15=person,...",
+                                 whose))
+        ->delimiter(',')
+        ->allow_extra_args(false)
+        ->type_name("WORDS");
+  };
+  add_labels("--mask-labels", o.reading_masks.labels, "predicted");
+  add_labels("--truth-labels", o.reading_truth.labels, "true");
+  o.masks->add_flag("--moving", o.moving,
+                    "Of masks of dynslam, count what moves (255), and not what only may (128)")
+      ->excludes("--mask-labels");
+  o.masks->add_flag("--json", o.json, "Print JSON");
+}
+
 EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   Options& o = *o_;
   o.trajectory = app.add_subcommand("eval", "ATE and RPE (1 s) of a trajectory, as TUM's tools compute them");
@@ -83,32 +113,7 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
       "--map", o.map,
       "Of a run's folder also: voxels of the map that hold what the sequence's dynamic_mask/ has");
   o.trajectory->add_flag("--json", o.json, "Print JSON");
-  o.masks = app.add_subcommand("eval-masks", "IoU, recall and precision of masks");
-  o.masks->add_option("predicted", o.predicted, "Folder of PNG masks")->required();
-  o.masks->add_option("truth", o.truth,
-                      "Folder of true masks of the same names; without it: the share of pixels that masks "
-                      "cover, which are false alarms where nothing moves");
-  o.masks
-      ->add_option("--widen", o.widen,
-                   "Pixels by which the truth is widened before what lies beyond it counts as spill")
-      ->capture_default_str()
-      ->check(whole_in(0, 1000));
-  const auto add_labels = [&](const char* name, std::vector<std::string>& labels, const char* whose) {
-    o.masks
-        ->add_option(name, labels,
-                     fmt::format("What the values of the {} masks mean, as for run: voc, coco, cityscapes, "
-                                 "instances, binary, or 15=person,...",
-                                 whose))
-        ->delimiter(',')
-        ->allow_extra_args(false)
-        ->type_name("WORDS");
-  };
-  add_labels("--mask-labels", o.reading_masks.labels, "predicted");
-  add_labels("--truth-labels", o.reading_truth.labels, "true");
-  o.masks->add_flag("--moving", o.moving,
-                    "Of masks of dynslam, count what moves (255), and not what only may (128)")
-      ->excludes("--mask-labels");
-  o.masks->add_flag("--json", o.json, "Print JSON");
+  add_mask_options(app, o);
   o.faults = app.add_subcommand("mask-faults", "Write wrong masks for a sequence, to see what they cost");
   o.faults->add_option("sequence", o.fault.sequence, "Folder of a sequence with ground truth, or its bag")
       ->required();

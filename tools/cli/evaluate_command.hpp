@@ -18,6 +18,8 @@ class EvaluateCommand {
 
  private:
   struct Options;
+  static void add_mask_options(CLI::App& app, Options& o);
+
   std::unique_ptr<Options> o_;
 };
 
