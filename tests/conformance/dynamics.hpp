@@ -22,6 +22,7 @@
 #include "dynslam/dynamics/motion_segmenter.hpp"
 #include "dynslam/dynamics/motion_segmenter_options.hpp"
 #include "dynslam/dynamics/moved_outlines.hpp"
+#include "dynslam/dynamics/pose_check.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
 #include "image_kinds.hpp"
@@ -135,6 +136,9 @@ template <class Kind, class Camera>
   const auto located = locate_reference(camera, Matches(matches), SE3<S>(), Kind::in(depth), SE3<S>(),
                                         LocateOptions<S>{}, locating);
   out.put("locate_reference", located.ok() && (located.T_c_w * T.inverse()).log().norm() < S(0.01));
+  PoseCheck<S> check;
+  const auto checked = check.check(camera, Matches(matches), SE3<S>(), Kind::in(depth), T, LocateOptions<S>{}, {});
+  out.put("pose_check", checked.supported ? 1 : 0);
   return out;
 }
 

@@ -24,7 +24,7 @@ struct PoseCheckOptions {
   /// Whether it asks. Not for hosts that know what moves before they give a pose.
   bool use = true;
   /// Of what the best pose explains of the reference keyframe's surface, the share that the host's must explain, too.
-  double agreement = 0.8;
+  double agreement = 0.5;
   /// Share of that surface that the best pose must explain for a mask to be given.
   double least = 0.1;
   /// Share of the measured view beyond which no mask is given.

@@ -203,7 +203,8 @@ void list(FieldList& f, MotionBeliefOptions& o) {
 void list(FieldList& f, MotionSegmenterOptions<double>& o) {
   // left out: method: [tracker] method goes for all
   // left out: own_reference: the tracker's keyframes are the references
-  // left out: locating, pose_check: the tracker knows its pose
+  // left out: locating: the tracker gives the pose
+  // left out: pose_check: and knows it
   f.table("reference", o.reference);
   f.table("weights", o.weights);
   f.table("grid", o.grid);

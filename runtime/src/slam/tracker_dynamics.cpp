@@ -42,7 +42,7 @@ void Tracker::mask_a_priori(Present& now, const std::optional<Masks>& prior) con
   // The margin keeps features off a mover's rim; the mask that is handed on is the object itself.
   cv::compare(prior->dynamic, 0, now.result.dynamic_mask, cv::CMP_NE);
   now.covers_view = unmasked_share<double>(now.frame.dynamic) < options_.arbitration.min_left;
-  if (standing_.empty()) return;
+  if (now.covers_view || standing_.empty()) return;
   now.semantic.setTo(0, standing_);  // of the frame before: people hardly jump in one
   std::fill(now.frame.dynamic.begin(), now.frame.dynamic.end(), 0);
   flag(now.frame, now.semantic, now.frame.dynamic);
