@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <span>
 #include <utility>
 
 #include "dynslam/dynamics/motion_segmenter.hpp"
@@ -135,6 +136,20 @@ TEST_CASE("a view of which nothing is known to stand is refused, and forgotten w
   }
   CHECK(refused > 0);
   CHECK(k < 50);  // within a second
+}
+
+TEST_CASE("one refused frame costs a host neither its reference keyframe nor what was seen") {
+  Guest guest;
+  for (int k = 0; k < 20; ++k) REQUIRE(guest.step(k, Guest::camera_at(k).inverse()).ok());
+  const ReferenceKeypoint<double> one{Eigen::Vector2d(60, 60), 3.0};
+  guest.segmenter.set_reference(std::span(&one, 1), Guest::camera_at(19).inverse());
+  Image<float> near = guest.view.depth;
+  for (int v = 0; v < kHeight; ++v) {
+    for (int u = 0; u < kWidth; ++u) near(u, v) *= 0.5F;
+  }
+  CHECK(guest.segmenter.segment(guest.view.gray.view(), near.view(), 1.0, Guest::camera_at(19).inverse()).status ==
+        MotionStatus::covers_view);
+  CHECK(guest.segmenter.has_reference());
 }
 
 TEST_CASE("after reset() nothing is left of what was seen") {

@@ -209,7 +209,7 @@ class MotionSegmenter {
   /// Puts the reference keyframe where the host's map has it by now.
   void place_reference(const SE3<S>& T_c_w) { reference_.place(T_c_w); }
 
-  /// Log-odds that what is seen moves, in the cells of the frame last segmented: what the mask says in two words
+  /// Log-odds that what is seen moves, in the cells of the frame last segmented; the mask is where they are above 0
   /// (Method::full).
   [[nodiscard]] const Image<float>& belief() const { return belief_.evidence().belief; }
   /// The cells, and where pixels have theirs. Of the first frame's size; empty before it.
@@ -243,7 +243,7 @@ class MotionSegmenter {
 
   /// Gives no mask. Where that has lasted for long, what is remembered is of no use any more.
   const Motion<S>& refuse(MotionStatus why) {
-    if (t_ - reference_t_ >= options_.own_reference.max_age) reset();
+    if (last_t_ && t_ - *last_t_ >= options_.own_reference.max_age) reset();
     return motion_.refuse(why);
   }
 
