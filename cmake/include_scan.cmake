@@ -8,7 +8,7 @@
 #  - interop headers: the core and one library, never the runtime;
 #  - the umbrella header dynslam.hpp: every header of the core;
 #  - the runtime and the tools in one direction: threads <- ground <- io <- nets <- slam <- config, then synth, run, inspect
-#    <- evaluation, view <- report <- cli and python. Ground is what stands in no folder: errors, stopwatch, frame and masks;
+#    <- evaluation, view <- report <- cli and python. Ground is what is in no folder: errors, stopwatch, frame and masks;
 #    slam.hpp and live.hpp belong to slam;
 #  - every header, those of runtime/ and tools/, too: push_macros.hpp first, pop_macros.hpp last.
 # Each fault is one line that begins with the file. With EXPECT_FAULTS=n exactly n faults are a success.

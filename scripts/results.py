@@ -152,7 +152,8 @@ def rendered():
 
     dynslam synth SEQ --path PATH --scenario SCENARIO --seed N --frames 90; dynslam run SEQ --dynamics MODE"""
     rows = []
-    for scenario, path in (("crowd", "xyz"), ("walking", "xyz"), ("walking", "halfsphere"), ("sitting", "halfsphere"), ("board", "xyz")):
+    for scenario, path in (("crowd", "xyz"), ("walking", "xyz"), ("walking", "halfsphere"), ("sitting", "halfsphere"),
+                           ("board", "xyz")):
         scenes = [sq.rendered(f"{scenario} {path} {n}", "--path", path, "--scenario", scenario, "--seed", n, "--frames",
                               90) for n in (1, 2, 3)]
         found = [measured(scene, MODES, [1]) for scene in scenes]

@@ -9,7 +9,7 @@
 
 using namespace dynslam;
 
-TEST_CASE("what stands is marked block by block, but for what moves") {
+TEST_CASE("what is static is marked block by block, but for what moves") {
   // 23 x 10 pixels: the last blocks are cut off at the border.
   Image<std::uint8_t> moving(23, 10, 0), still(23, 10, 7);
   moving(5, 5) = 1;

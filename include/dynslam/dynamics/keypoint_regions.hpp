@@ -41,6 +41,7 @@ class KeypointRegions {
     const int w = grid.width(), h = grid.height();
     seed_.resize(w, h);
     seed_.fill(0);
+    bool seeded = false;
     for (const JudgedMatch<S>& m : matches) {
       const int c = grid.cell_at(static_cast<float>(m.x_m.x()), static_cast<float>(m.x_m.y()));
       if (c < 0 || !m.dynamic) continue;
@@ -51,9 +52,14 @@ class KeypointRegions {
         ++(other.dynamic ? near : near_static);
       }
       if (near < near_static || near < options.support) continue;
+      seeded = true;
       for (int y = std::max(0, j - 1); y <= std::min(h - 1, j + 1); ++y) {
         for (int x = std::max(0, i - 1); x <= std::min(w - 1, i + 1); ++x) seed_(x, y) = 1;
       }
+    }
+    if (!seeded) {
+      mask.fill(0);
+      return {};
     }
     split_supports(grid, depth, growing.step, supports, plane_, supports_);
     const MaskGrowingResult result = grow_mask(depth, seed_, plane_, mask, growing, workspace_);

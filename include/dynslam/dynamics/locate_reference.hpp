@@ -38,7 +38,7 @@ struct LocateOptions {
 /// Memory of locate_reference(); keep it between calls.
 template <std::floating_point S>
 struct LocateWorkspace {
-  std::vector<PoseObservation<S>> observations;
+  std::vector<PoseObservation<S>> observations, agreeing;  // all, and those that the consensus agrees with
   std::vector<S> weights;
   PoseConsensusWorkspace consensus;
   PoseWorkspace<S> pose;
@@ -74,6 +74,24 @@ void observe_reference(std::span<const KeypointMatch<S>> matches, const SE3<S>& 
   surface_weights<S>(depth.width(), depth.height(), T_c_w_predicted, workspace.observations, options.surface,
                      workspace.weights);
 }
+
+/// locate_reference() of what observe_reference() left in the workspace.
+template <std::floating_point S, DifferentiableCameraOf<S> Camera>
+[[nodiscard]] PoseConsensusResult<S> locate_observed(const Camera& camera, const SE3<S>& T_c_w_predicted,
+                                                     const LocateOptions<S>& options, LocateWorkspace<S>& workspace) {
+  auto found = pose_consensus<S>(camera, workspace.observations, workspace.weights, T_c_w_predicted, {},
+                                 options.consensus, workspace.consensus);
+  if (!found.ok()) return found;
+  workspace.agreeing.clear();
+  for (std::size_t k = 0; k < workspace.observations.size(); ++k) {
+    if (workspace.consensus.inlier[k] != 0) workspace.agreeing.push_back(workspace.observations[k]);
+  }
+  const PoseResult<S> pose =
+      optimize_pose(camera, std::span<const PoseObservation<S>>(workspace.agreeing), found.T_c_w, options.pose,
+                    TDistribution<S>::with_dimension(options.nu, 1), workspace.pose);
+  if (pose.ok()) found.T_c_w = pose.T_c_w;
+  return found;
+}
 }  // namespace detail
 
 /// The pose that most of the surface agrees on which the matches of a reference keyframe stand for, masked
@@ -86,21 +104,8 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera, DepthImage D>
 [[nodiscard]] PoseConsensusResult<S> locate_reference(
     const Camera& camera, std::span<const KeypointMatch<S>> matches, const SE3<S>& T_ref_w, const D& depth,
     const SE3<S>& T_c_w_predicted, const LocateOptions<S>& options, LocateWorkspace<S>& workspace) {
-  auto& observations = workspace.observations;
   detail::observe_reference(matches, T_ref_w, depth, T_c_w_predicted, options, workspace);
-  auto found = pose_consensus<S>(camera, observations, workspace.weights, T_c_w_predicted, {},
-                                 options.consensus, workspace.consensus);
-  if (!found.ok()) return found;
-  std::size_t kept = 0;
-  for (std::size_t k = 0; k < observations.size(); ++k) {
-    if (workspace.consensus.inlier[k] != 0) observations[kept++] = observations[k];
-  }
-  observations.resize(kept);
-  const PoseResult<S> pose =
-      optimize_pose(camera, std::span<const PoseObservation<S>>(observations), found.T_c_w, options.pose,
-                    TDistribution<S>::with_dimension(options.nu, 1), workspace.pose);
-  if (pose.ok()) found.T_c_w = pose.T_c_w;
-  return found;
+  return detail::locate_observed(camera, T_c_w_predicted, options, workspace);
 }
 
 }  // namespace dynslam

@@ -3,6 +3,7 @@
 
 #include "dynslam/push_macros.hpp"
 
+#include <algorithm>
 #include <concepts>
 #include <cstddef>
 #include <limits>
@@ -49,7 +50,6 @@ class PoseCheck {
   Result check(const Camera& camera, std::span<const KeypointMatch<S>> matches, const SE3<S>& T_ref_w, const D& depth,
                const SE3<S>& T_c_w, const LocateOptions<S>& locating, const PoseCheckOptions& options) {
     const SE3<S> followed = T_c_w * T_host_own_;
-    const auto located = locate_reference(camera, matches, T_ref_w, depth, followed, locating, workspace_);
     detail::observe_reference(matches, T_ref_w, depth, followed, locating, workspace_);
     const S all = std::accumulate(workspace_.weights.begin(), workspace_.weights.end(), S(0));
     if (!(all > S(0))) return {T_c_w};
@@ -59,10 +59,16 @@ class PoseCheck {
           [&](std::size_t k) { return workspace_.weights[k]; }, S(0), std::numeric_limits<S>::max());
       return cost ? S(1) - cost->cost / (all * locating.consensus.truncation) : S(0);
     };
+    const S by_host = explained(T_c_w);
+    if (by_host >= S(std::max(options.agreement, options.least))) {  // no pose explains more than all
+      T_host_own_ = SE3<S>();
+      return {T_c_w};
+    }
+    const auto located = detail::locate_observed(camera, followed, locating, workspace_);
     const S best = explained(located.T_c_w);
     const bool supported = best >= S(options.least);
     const S needed = S(options.agreement) * best;
-    if (explained(T_c_w) >= needed) {
+    if (by_host >= needed) {
       T_host_own_ = SE3<S>();
       return {T_c_w, true, supported};
     }

@@ -39,7 +39,7 @@ constexpr std::array kRemovedTables{
     RemovedField{"tracker.geometry.free_space.margins", kBelief},
     RemovedField{"tracker.geometry.keypoint_seeds", kBelief},
     RemovedField{"tracker.geometry.outlines", kBelief},
-    RemovedField{"tracker.resting", "what stands is found for each surface, see [tracker.geometry.belief]"},
+    RemovedField{"tracker.resting", "what is static is found for each surface, see [tracker.geometry.belief]"},
     RemovedField{"tracker.geometry.delay", kMargin},
     RemovedField{"tracker.geometry.delay.edge", kMargin},
 };

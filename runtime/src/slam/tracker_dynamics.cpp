@@ -155,13 +155,11 @@ void Tracker::find_movers(Present& now) {
   now.moving = wrapped(motion.mask);
   now.moving_widened =
       cv::countNonZero(now.moving) > 0 ? widened(now.moving, options_.feature_margin) : now.moving;
-  if (now.prior != nullptr && options_.method == Method::full) {
-    find_standing(now);
-  }
+  if (now.prior != nullptr && options_.method == Method::full) find_standing(now);
   now.watch.lap_ms();
 }
 
-/// Finds what stands where it stood long before. It is used for the pose whatever an a-priori mask says of it, and stays in
+/// Finds surfaces that are static: where they were long before. It is used for the pose whatever an a-priori mask says of it, and stays in
 /// the mask that is output, as something that may move.
 void Tracker::find_standing(Present& now) {
   constexpr int kStride = 4;  // [px]

@@ -24,7 +24,7 @@ struct Masks {
   cv::Mat dynamic;    ///< CV_8UC1, 255 = dynamic a priori
   cv::Mat labels;     ///< CV_8UC1 of Label; empty where only a mask is known
   cv::Mat instances;  ///< CV_16UC1, 0 = none; empty where unknown
-  /// Where the masks were carried here from another frame: its labels. The octree takes what stands still
+  /// Where the masks were carried here from another frame: its labels. The octree takes what is static
   /// from them, where the frame was tracked.
   std::shared_ptr<const EarlierLabels> earlier{};
 };
