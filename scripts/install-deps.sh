@@ -7,6 +7,7 @@
 #   scripts/install-deps.sh          everything: program, tests, benchmarks, second compiler
 #   scripts/install-deps.sh app      only what building and running the program needs
 #   scripts/install-deps.sh python   what the program needs and the Python module beside it (docs/python.md)
+#   scripts/install-deps.sh arm64    what scripts/test-arm64.sh needs: a cross compiler and an emulator
 #   scripts/install-deps.sh core     only what the headers need: a compiler, CMake, Ninja and Eigen
 set -euo pipefail
 
@@ -32,9 +33,10 @@ fail() {
 case "${1:-all}" in
   core) packages=("${core[@]}") optional_app=() ONNXRUNTIME=off ;;
   app) packages=("${app[@]}") ;;
+  arm64) packages=("${core[@]}" doctest-dev g++-aarch64-linux-gnu qemu-user) optional_app=() ONNXRUNTIME=off ;;
   python) packages=("${app[@]}" "${python[@]}") ;;
   all) packages=("${app[@]}" "${development[@]}") ;;
-  *) fail "unknown argument '$1' (known: core, app, python, all)" ;;
+  *) fail "unknown argument '$1' (known: core, app, python, arm64, all)" ;;
 esac
 
 command -v apt-get > /dev/null && command -v dpkg-query > /dev/null ||
