@@ -216,7 +216,7 @@ TEST_CASE("a frame decodes to colour, grey and metres; each kind of damage is to
   }
   SUBCASE("not an image") {
     std::ofstream(rgb) << "hello";
-    CHECK(error() == rgb.string() + ": is neither PNG nor JPEG");
+    CHECK(error() == rgb.string() + ": is neither PNG nor JPEG, nor depth as TIFF, OpenEXR or .npy");
   }
   SUBCASE("8-bit depth") {
     write_image(depth, cv::Mat(camera.height, camera.width, CV_8UC1, cv::Scalar(3)));

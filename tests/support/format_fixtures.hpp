@@ -5,14 +5,18 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -85,6 +89,29 @@ inline std::string matrix_text(const Eigen::Matrix4d& m, const char* between_row
   return text;
 }
 
+/// As numpy.save() writes it, version 1.0: float32 by rows.
+inline void write_npy(const std::filesystem::path& file, const cv::Mat& values) {
+  std::string head = fmt::format("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, {}), }}", values.rows,
+                                 values.cols);
+  constexpr std::size_t kStart = 10, kBlock = 64;
+  head.append(kBlock - (kStart + head.size() + 1) % kBlock, ' ');
+  head += '\n';
+  std::ofstream out(file, std::ios::binary);
+  out << std::string("\x93NUMPY\x01\x00", 8) << static_cast<char>(head.size() % 256)
+      << static_cast<char>(head.size() / 256) << head;
+  for (int v = 0; v < values.rows; ++v)
+    out.write(reinterpret_cast<const char*>(values.ptr<float>(v)),
+              static_cast<std::streamsize>(sizeof(float)) * values.cols);
+}
+
+/// The film's depth in metres, infinite where there is none.
+inline cv::Mat depth_floats(const cv::Mat& depth) {
+  cv::Mat metres;
+  depth.convertTo(metres, CV_32FC1, 1.0 / View().units);
+  metres.setTo(std::numeric_limits<double>::infinity(), depth == 0);
+  return metres;
+}
+
 inline std::string pose_text(const std::string& stamp, const SE3<double>& T) {
   const auto& p = T.translation();
   const auto& q = T.so3().quaternion();
@@ -107,11 +134,25 @@ struct FormatFixture : TemporaryFolder {
     std::filesystem::copy(original->path, path, std::filesystem::copy_options::recursive);
   }
 
-  [[nodiscard]] bool stamped() const { return format == "tum" || format == "bonn" || format == "eth3d"; }
+  [[nodiscard]] bool stamped() const {
+    return format == "tum" || format == "bonn" || format == "eth3d" || format == "stray-scanner";
+  }
+
+  /// What a reader of the k-th frame gets.
+  [[nodiscard]] Shot shot(std::size_t k) const {
+    Shot seen = seen_by(film()[k], view);
+    if (format == "stray-scanner") {
+      cv::Mat small;
+      cv::resize(seen.depth, small, kPhoneDepth, 0, 0, cv::INTER_NEAREST);
+      cv::resize(small, seen.depth, seen.depth.size(), 0, 0, cv::INTER_NEAREST);
+    }
+    return seen;
+  }
 
   static std::string stamp(std::size_t i) { return fmt::format("{:.6f}", 100 + double(i) / kFilmRate); }
 
  private:
+  inline static const cv::Size kPhoneDepth{256, 192};
   struct Written {};
   FormatFixture(const std::string& name, Written) : format(name), root(path / folder_of(name)) {
     std::filesystem::create_directories(root);
@@ -123,6 +164,8 @@ struct FormatFixture : TemporaryFolder {
     if (name == "replica") replica();
     if (name == "scannet") scannet();
     if (name == "redwood") redwood();
+    if (name == "tartanair") tartanair();
+    if (name == "stray-scanner") stray_scanner();
   }
 
   /// The names by which TUM's and Bonn's cameras are known.
@@ -248,9 +291,53 @@ struct FormatFixture : TemporaryFolder {
     for (std::size_t i = 0; i < film().size(); ++i)
       poses << fmt::format("{0} {0} {1}\n", i, i + 1) << matrix_text(film()[i].T_w_c.matrix());
   }
+
+  /// Poses of a body that looks along x with z down.
+  void tartanair() {
+    view = {640, 480, 320, 320, 320, 240, 5000, 0};
+    for (const char* folder : {"image_left", "depth_left"}) std::filesystem::create_directories(root / folder);
+    std::ofstream poses(root / "pose_left.txt");
+    for (std::size_t i = 0; i < film().size(); ++i) {
+      const Shot shot = seen_by(film()[i], view);
+      runtime::write_image(root / "image_left" / fmt::format("{:06}_left.png", i), shot.bgr);
+      write_npy(root / "depth_left" / fmt::format("{:06}_left_depth.npy", i), depth_floats(shot.depth));
+      const Eigen::Matrix3d R = film()[i].T_w_c.so3().matrix();
+      Eigen::Matrix3d R_w_body;  // forward, right, down
+      R_w_body << R.col(2), R.col(0), R.col(1);
+      const std::string row = pose_text("0", SE3<double>(Eigen::Quaterniond(R_w_body), film()[i].T_w_c.translation()));
+      poses << row.substr(2);
+    }
+  }
+
+  /// A video of twice the size, depth of 256 x 192 with the lowest confidence where there is none.
+  void stray_scanner() {
+    view = {640, 480, 500, 500, 319.5, 239.5, 1000, 0};
+    const View large{1280, 960, 1000, 1000, 639.5, 479.5, 1000, 0};
+    for (const char* folder : {"depth", "confidence"}) std::filesystem::create_directories(root / folder);
+    cv::VideoWriter video((root / "rgb.mp4").string(), cv::VideoWriter::fourcc('m', 'p', '4', 'v'), kFilmRate,
+                          cv::Size(large.width, large.height));
+    if (!video.isOpened()) throw std::runtime_error("OpenCV cannot write a video");
+    std::ofstream rows(root / "odometry.csv");
+    rows << "timestamp, frame, x, y, z, qx, qy, qz, qw\n";
+    for (std::size_t i = 0; i < film().size(); ++i) {
+      video.write(seen_by(film()[i], large).bgr);
+      cv::Mat depth;
+      cv::resize(seen_by(film()[i], view).depth, depth, kPhoneDepth, 0, 0, cv::INTER_NEAREST);
+      cv::Mat confidence(depth.size(), CV_8UC1, cv::Scalar(2));
+      confidence.setTo(0, depth == 0);
+      depth.setTo(65, depth == 0);  // what the sensor is not sure of
+      runtime::write_image(root / "depth" / fmt::format("{:06}.png", i), depth);
+      runtime::write_image(root / "confidence" / fmt::format("{:06}.png", i), confidence);
+      std::string pose = pose_text("", film()[i].T_w_c);
+      pose.pop_back();
+      std::replace(pose.begin(), pose.end(), ' ', ',');
+      rows << fmt::format("{},{:06}{}\n", stamp(i), i, pose);
+    }
+    std::ofstream(root / "camera_matrix.csv") << "1000.0,0.0,639.5\n0.0,1000.0,479.5\n0.0,0.0,1.0\n";
+  }
 };
 
-inline constexpr const char* kFormatNames[] = {"tum",      "bonn",    "eth3d",   "icl-nuim",
-                                               "7-scenes", "replica", "scannet", "redwood"};
+inline constexpr const char* kFormatNames[] = {"tum",     "bonn",    "eth3d",   "icl-nuim",  "7-scenes",
+                                               "replica", "scannet", "redwood", "tartanair", "stray-scanner"};
 
 }  // namespace dynslam::test

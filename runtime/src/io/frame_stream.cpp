@@ -3,9 +3,12 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <exception>
+#include <limits>
 #include <new>
 #include <opencv2/imgproc.hpp>
+#include <span>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
@@ -15,6 +18,17 @@
 #include "threads/thread_priority.hpp"
 
 namespace dynslam::runtime {
+namespace {
+
+/// Distances of 0 and below and infinite ones become NaN.
+void mark_missing(cv::Mat& metres) {
+  for (int v = 0; v < metres.rows; ++v) {
+    for (float& z : std::span(metres.ptr<float>(v), static_cast<std::size_t>(metres.cols)))
+      if (!(z > 0) || !std::isfinite(z)) z = std::numeric_limits<float>::quiet_NaN();
+  }
+}
+
+}  // namespace
 
 RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const CameraConfig& camera) {
   (void)checked(camera);
@@ -32,7 +46,7 @@ RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const Camer
                0, cv::INTER_AREA);
   }
   const cv::Mat raw = read_image(record, ImageSource::Kind::depth, camera_size);
-  const bool floats = record.source && raw.type() == CV_32FC1;
+  const bool floats = raw.type() == CV_32FC1;
   if (!floats && raw.type() != CV_16UC1)
     throw InputError(record.depth.string(), 0,
                      fmt::format("is not a 16-bit image of one channel, as depth is, but has {} bits and {} "
@@ -46,6 +60,7 @@ RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const Camer
   } else {
     frame.depth = raw;
   }
+  if (floats) mark_missing(frame.depth);
   return frame;
 }
 

@@ -15,6 +15,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
+#include "io/depth_files.hpp"
 #include "io/jpeg_check.hpp"
 #include "io/png_decoder.hpp"
 
@@ -51,6 +52,17 @@ bool wanted_as_stored(const PngFile& png, int flags) {
   return png.bits == 8 && flags == (png.channels == 3 ? cv::IMREAD_COLOR : cv::IMREAD_GRAYSCALE);
 }
 
+/// Renderers write depth to each colour of an OpenEXR file.
+cv::Mat grey_of(const cv::Mat& image, const std::string& name) {
+  std::vector<cv::Mat> planes;
+  cv::split(image, planes);
+  for (std::size_t k = 1; k < 3; ++k) {
+    if (cv::norm(planes[0], planes[k], cv::NORM_INF) != 0)
+      throw InputError(name, 0, fmt::format("has {} channels that differ, which no depth has", image.channels()));
+  }
+  return planes[0];
+}
+
 }  // namespace
 
 EncodedImage::EncodedImage(const std::filesystem::path& path) : EncodedImage(path, read_file(path)) {}
@@ -61,13 +73,18 @@ EncodedImage::EncodedImage(std::filesystem::path name, std::string content)
   const Bytes bytes = bytes_of(content_);
   const bool png = starts_with(bytes, kPngStart), jpeg = starts_with(bytes, kJpegStart);
   if (bytes.empty()) refuse("is empty");
-  if (!png && !jpeg) refuse("is neither PNG nor JPEG");
+  const auto depth = depth_file_kind(bytes);
+  if (!png && !jpeg && !depth) refuse("is neither PNG nor JPEG, nor depth as TIFF, OpenEXR or .npy");
   if ((png && !ends_with(bytes, kPngEnd)) || (jpeg && !ends_with(bytes, kJpegEnd))) refuse("is truncated");
   std::string fault;
   if (png) {
     png_ = std::make_shared<const PngFile>(open_png(bytes, kLongestSide));
     size_ = png_->size;
     fault = png_->fault;
+  } else if (depth) {
+    depth_ = std::make_shared<const DepthFile>(open_depth_file(*depth, bytes));
+    size_ = depth_->size;
+    if (!depth_->fault.empty()) refuse(depth_->fault);
   } else {
     const JpegCheck check = check_jpeg(bytes, kLongestSide);
     size_ = check.size;
@@ -87,6 +104,7 @@ std::vector<std::array<std::uint8_t, 3>> EncodedImage::palette() const {
 cv::Mat EncodedImage::decode(int flags) const {
   const Bytes bytes = bytes_of(content_);
   cv::Mat image;
+  if (depth_ && depth_->kind == DepthFileKind::npy) return decode_npy(bytes, *depth_);
   if (png_ && png_->plain && wanted_as_stored(*png_, flags)) {
     std::string fault;
     image = decode_plain_png(bytes, *png_, fault);
@@ -101,6 +119,8 @@ cv::Mat EncodedImage::decode(int flags) const {
     image.release();
   }
   if (image.empty()) throw InputError(path_.string(), 0, "cannot be decoded");
+  if (depth_ && depth_->kind == DepthFileKind::exr && image.channels() > 1)
+    image = grey_of(image, path_.string());
   return image;
 }
 

@@ -20,9 +20,10 @@ namespace {
 namespace fs = std::filesystem;
 using formats::Format;
 
-constexpr std::array<const Format*, 10> kFormats{
+constexpr std::array<const Format*, 12> kFormats{
     &formats::kTum,     &formats::kBonn,    &formats::kEth3d,   &formats::kIclNuim, &formats::kSevenScenes,
-    &formats::kReplica, &formats::kScanNet, &formats::kRedwood, &formats::kBag,     &formats::kRos2};
+    &formats::kReplica, &formats::kScanNet, &formats::kRedwood, &formats::kTartanAir, &formats::kStrayScanner,
+    &formats::kBag,     &formats::kRos2};
 
 /// Those that may be a file.
 constexpr std::array<const Format*, 2> kRecordings{&formats::kBag, &formats::kRos2};
@@ -122,11 +123,12 @@ Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
     throw InputError(root.string(), 0,
                      "has a control character in its name, which no list of names can hold");
   const Format& format = format_of(root, options.format);
-  if (!options.topics.empty() &&
-      std::find(kRecordings.begin(), kRecordings.end(), &format) == kRecordings.end())
+  const bool recording = std::find(kRecordings.begin(), kRecordings.end(), &format) != kRecordings.end();
+  if (!options.topics.empty() && !recording)
     throw UsageError(fmt::format("--topics is for bags; {} is of the format {}", root.string(), format.name));
   Sequence sequence = format.load(root, options);
   sequence.format = std::string(format.name);
+  if (!recording && !sequence.float_depth) formats::judge_float_depth(sequence, sequence.root.string());
   if (sequence.groundtruth.empty()) sequence.truth_file.clear();
   if (const fs::path file = camera_file_in(root); !file.empty()) sequence.camera_hint = file.string();
   if (options.max_frames > 0 && sequence.frames.size() > options.max_frames)

@@ -78,7 +78,7 @@ TEST_CASE("a folder of each format is recognised, and read with its camera, time
     // The eleventh frame: by name it may stand between the second and the third.
     const std::size_t k = 10;
     const RgbdFrame frame = decode_frame(sequence.frames[k], k, camera);
-    const test::Shot expected = test::seen_by(film()[k], fixture.view);
+    const test::Shot expected = fixture.shot(k);
     CHECK(cv::norm(frame.bgr, expected.bgr, cv::NORM_L1) / double(3 * expected.bgr.total()) < 6);
     std::size_t valid = 0, right = 0;
     for (int v = 0; v < frame.depth.rows; ++v) {
@@ -172,6 +172,24 @@ TEST_CASE("images without a partner are left out and counted; times come from nu
                "-inf -inf -inf -inf\n-inf -inf -inf -inf\n"
                "-inf -inf -inf -inf\n-inf -inf -inf -inf\n");
   CHECK(load_sequence(fixture.root).groundtruth.size() == film().size() - 1);
+}
+
+TEST_CASE("depth_time_offset says when the depth of each format was taken, also of images without stamps") {
+  for (const char* name : test::kFormatNames) {
+    CAPTURE(name);
+    const FormatFixture fixture(name);
+    const Sequence at_once = load_sequence(fixture.root, at_film_rate());
+    SequenceOptions options = at_film_rate();
+    options.depth_time_offset = 0.005;
+    const Sequence late = load_sequence(fixture.root, options);
+    REQUIRE(late.frames.size() == at_once.frames.size());
+    REQUIRE(late.depth_times.size() == at_once.depth_times.size());
+    for (std::size_t i = 0; i < late.frames.size(); ++i) {
+      CHECK(late.frames[i].t_rgb == at_once.frames[i].t_rgb);
+      CHECK(late.frames[i].t_depth == doctest::Approx(late.frames[i].t_rgb - 0.005));  // stamped alike
+      CHECK(late.depth_times[i] == doctest::Approx(late.frames[i].t_rgb - 0.005));
+    }
+  }
 }
 
 TEST_CASE("Redwood's names with microseconds are times, and pair by them") {

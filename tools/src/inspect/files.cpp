@@ -6,11 +6,13 @@
 #include <cstdint>
 #include <fstream>
 #include <map>
+#include <span>
 #include <system_error>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "inspect/measure.hpp"
+#include "io/depth_files.hpp"
 #include "io/frame_images.hpp"
 
 namespace dynslam::runtime::inspect {
@@ -47,7 +49,22 @@ std::optional<cv::Size> jpeg_size(std::istream& in) {
 
 using Kind = ImageSource::Kind;
 
-/// Width and height by the head of a PNG or JPEG file, however damaged the rest is.
+/// Of depth that is neither PNG nor JPEG.
+std::optional<cv::Size> depth_size(const fs::path& path) {
+  try {
+    const std::string content = read_file(path);
+    const std::span bytes(reinterpret_cast<const std::uint8_t*>(content.data()), content.size());
+    const auto kind = depth_file_kind(bytes);
+    if (!kind) return std::nullopt;
+    const DepthFile file = open_depth_file(*kind, bytes);
+    if (file.size.empty()) return std::nullopt;
+    return file.size;
+  } catch (const InputError&) {  // reported as missing
+    return std::nullopt;
+  }
+}
+
+/// Width and height by the head of an image file, however damaged the rest is.
 std::optional<cv::Size> size_of_file(const fs::path& path) {
   std::error_code error;
   if (!fs::is_regular_file(path, error)) return std::nullopt;
@@ -55,7 +72,7 @@ std::optional<cv::Size> size_of_file(const fs::path& path) {
   const int first = in.get();
   const int second = in.get();
   if (first == 0xFF && second == 0xD8) return jpeg_size(in);
-  if (first != 0x89 || second != 'P') return std::nullopt;
+  if (first != 0x89 || second != 'P') return depth_size(path);
   in.ignore(14);  // signature, length and name of the first chunk
   const int width = big_endian(in, 4), height = big_endian(in, 4);
   if (!in) return std::nullopt;
@@ -108,7 +125,7 @@ class SizeCheck {
     const char* what = kind_ == Kind::colour ? "colour" : "depth";
     if (unreadable_ > 0)
       odd.push_back(fmt::format("{} of {} {} images {}, the first {}", unreadable_, of, what,
-                                in_files_ ? "are missing or no PNG or JPEG files" : "cannot be read",
+                                in_files_ ? "are missing or no image files" : "cannot be read",
                                 first_unreadable_.string()));
     if (others_ > 0)
       odd.push_back(fmt::format("{} of {} {} images are not {}x{} as {}, the first {} ({}x{})", others_, of,

@@ -122,7 +122,7 @@ void judge_edges(const CameraConfig& camera, SequenceReport& report) {
         std::abs(edges.late), edges.lag > 0 ? "late" : "early",
         rate > 0 ? fmt::format(" ({:.0f} ms)", 1000 * std::abs(edges.late) / rate) : "", std::abs(edges.lag),
         std::abs(edges.lag) > 1 ? "s" : "", edges.lag > 0 ? "before" : "behind", edges.lag_gain,
-        report.sequence.has_stamps && rate > 0
+        rate > 0
             ? offset_key(camera.depth_time_offset + report.stamps.delay_median + edges.late / rate)
             : ""));
   }

@@ -27,7 +27,8 @@ struct Format {
   Sequence (*load)(const std::filesystem::path& root, const SequenceOptions& options);
 };
 
-extern const Format kTum, kBonn, kEth3d, kIclNuim, kSevenScenes, kReplica, kScanNet, kRedwood, kBag, kRos2;
+extern const Format kTum, kBonn, kEth3d, kIclNuim, kSevenScenes, kReplica, kScanNet, kRedwood, kTartanAir,
+    kStrayScanner, kBag, kRos2;
 
 /// The name of a folder, also where the path ends in a slash or is a dot.
 [[nodiscard]] std::string folder_name(const std::filesystem::path& root);
@@ -39,6 +40,9 @@ extern const Format kTum, kBonn, kEth3d, kIclNuim, kSevenScenes, kReplica, kScan
 /// What the stamps of depth images are late [s]: by the options, or by the camera that they name, or by the
 /// one that the sequence's folder or hint says. @throws as load_camera()
 [[nodiscard]] double depth_time_offset(const Sequence& sequence, const SequenceOptions& options);
+
+/// Depth images of pairs that stay as they are were taken `offset` seconds before their times.
+void shift_depth_times(Sequence& sequence, double offset);
 
 /// Frames listed by TUM's files: associations in the file of that name where it is there, else rgb.txt and
 /// depth.txt. @throws InputError
@@ -68,11 +72,17 @@ struct NumberedImages {
 [[nodiscard]] NumberedImages numbered_images(const std::filesystem::path& folder,
                                              std::span<const std::string_view> suffixes);
 inline constexpr std::array<std::string_view, 3> kImageSuffixes{".png", ".jpg", ".jpeg"};
+inline constexpr std::array<std::string_view, 5> kDepthSuffixes{".png", ".npy", ".tif", ".tiff", ".exr"};
 
-/// Pairs images of equal numbers; times are number / rate. Images without a partner are in the times alone.
-/// @throws InputError where no two belong together
+/// Pairs images of equal numbers; times are number / rate, depth's less depth_time_offset(). Images without a
+/// partner are in the times alone. @throws InputError where no two belong together
 void pair_by_number(Sequence& sequence, const std::vector<NumberedFile>& colour,
-                    const std::vector<NumberedFile>& depth, double rate);
+                    const std::vector<NumberedFile>& depth, const SequenceOptions& options);
+
+/// Floats are metres (REP 118). Where the middle of three images is farther than any depth camera sees, they
+/// are in the camera's units instead, as 16-bit depth is: millimetres, mostly. Nothing for other depth.
+/// @param name  of the depth images, for the note
+void judge_float_depth(Sequence& sequence, const std::string& name);
 
 /// Reads a ground truth by `read`; a sequence can do without it, so what is no pose is left out, a file that
 /// cannot be read is none, and either is said in `notes`. @param file  that `read` reads

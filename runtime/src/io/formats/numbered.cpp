@@ -30,7 +30,7 @@ Sequence load_seven_scenes(const fs::path& root, const SequenceOptions& options)
   Sequence sequence;
   sequence.root = root;
   pair_by_number(sequence, numbered_files(root, "frame-", kSceneColour),
-                 numbered_files(root, "frame-", kSceneDepth), options.rate);
+                 numbered_files(root, "frame-", kSceneDepth), options);
   read_optional_truth(sequence, root / "frame-*.pose.txt",
                       [&] { return read_pose_files(root, "frame-", ".pose.txt", options.rate); });
   sequence.camera = pinhole_camera("7-scenes", {640, 480, 585, 585, 320, 240, 1000}, "7-scenes");
@@ -47,7 +47,7 @@ Sequence load_replica(const fs::path& root, const SequenceOptions& options) {
   Sequence sequence;
   sequence.root = root;
   pair_by_number(sequence, numbered_files(root / "results", "frame", kImageSuffixes),
-                 numbered_files(root / "results", "depth", kPng), options.rate);
+                 numbered_files(root / "results", "depth", kPng), options);
   const fs::path truth = root / "traj.txt";
   read_optional_truth(sequence, truth, [&] {  // row k is frame k
     std::istringstream in(read_text(truth));
@@ -65,7 +65,7 @@ Sequence load_replica(const fs::path& root, const SequenceOptions& options) {
 
 bool is_scannet(const fs::path& root) {
   return fs::is_directory(root / "intrinsic") && holds(root / "color", "", kImageSuffixes) &&
-         holds(root / "depth", "", kPng);
+         holds(root / "depth", "", kDepthSuffixes);
 }
 
 Eigen::Matrix4d read_intrinsics(const fs::path& file) {
@@ -105,7 +105,7 @@ Sequence load_scannet(const fs::path& root, const SequenceOptions& options) {
   Sequence sequence;
   sequence.root = root;
   pair_by_number(sequence, numbered_files(root / "color", "", kImageSuffixes),
-                 numbered_files(root / "depth", "", kPng), options.rate);
+                 numbered_files(root / "depth", "", kDepthSuffixes), options);
   read_optional_truth(sequence, root / "pose",
                       [&] { return read_pose_files(root / "pose", "", ".txt", options.rate); });
   const fs::path file = root / "intrinsic" / "intrinsic_depth.txt";
@@ -117,6 +117,15 @@ Sequence load_scannet(const fs::path& root, const SequenceOptions& options) {
   sequence.camera_source = file.string();
   scale_colour(sequence, root / "intrinsic" / "intrinsic_color.txt");
   return sequence;
+}
+
+/// TUM's list beside numbered images: its times are seconds, or numbers of frames where the images have no times.
+UsablePoses truth_of_numbers(const fs::path& file, bool has_stamps, double rate) {
+  UsablePoses truth = read_usable_poses(file);
+  const bool numbers = !has_stamps && std::all_of(truth.poses.begin(), truth.poses.end(),
+                                                  [](const auto& pose) { return pose.t == std::floor(pose.t); });
+  for (auto& pose : truth.poses) pose.t = numbers ? pose.t / rate : pose.t;
+  return truth;
 }
 
 /// Folder of the colour images of a Redwood or Open3D sequence; empty where there is none.
@@ -144,12 +153,13 @@ bool is_redwood(const fs::path& root) {
   for (const char* other : {"intrinsic", "rgb.txt", "depth.txt", "associations.txt", "associated.txt"}) {
     if (fs::exists(root / other)) return false;
   }
-  return !redwood_colour(root).empty() && !numbered_images(root / "depth", kPng).files.empty();
+  return !redwood_colour(root).empty() && !numbered_images(root / "depth", kDepthSuffixes).files.empty();
 }
 
 /// Names like 0000001-000000033333.png hold the time in microseconds; colour and depth count on their own.
 void pair_by_microseconds(Sequence& sequence, const std::vector<NumberedFile>& colour,
-                          const std::vector<NumberedFile>& depth, double max_difference) {
+                          const std::vector<NumberedFile>& depth, const SequenceOptions& options) {
+  const double max_difference = options.max_association_difference;
   const auto times = [](const std::vector<NumberedFile>& files) {
     std::vector<double> t;
     for (const NumberedFile& file : files) {
@@ -161,6 +171,7 @@ void pair_by_microseconds(Sequence& sequence, const std::vector<NumberedFile>& c
   };
   sequence.colour_times = times(colour);
   sequence.depth_times = times(depth);
+  shift_depth_times(sequence, depth_time_offset(sequence, options));
   for (const auto& [i, j] : associate(sequence.colour_times, sequence.depth_times, max_difference)) {
     sequence.frames.push_back({sequence.colour_times[i],
                                sequence.depth_times[j],
@@ -190,19 +201,19 @@ fs::path redwood_truth(const fs::path& root) {
 Sequence load_redwood(const fs::path& root, const SequenceOptions& options) {
   Sequence sequence;
   sequence.root = root;
-  if (redwood_colour(root).empty() || numbered_images(root / "depth", kPng).files.empty())
+  if (redwood_colour(root).empty() || numbered_images(root / "depth", kDepthSuffixes).files.empty())
     throw InputError(
         root.string(), 0,
         "has no images of this format: color/, image/ or rgb/ with PNG or JPEG files and depth/ with "
-        "PNG files whose names differ by a number, such as 0001.png or frame-1.png");
+        "PNG, TIFF, OpenEXR or .npy files whose names differ by a number, such as 0001.png or frame-1.png");
   const auto colour = redwood_images(sequence, redwood_colour(root), kImageSuffixes);
-  const auto depth = redwood_images(sequence, root / "depth", kPng);
+  const auto depth = redwood_images(sequence, root / "depth", kDepthSuffixes);
   const auto stamped = [](const NumberedFile& file) { return file.microseconds.has_value(); };
   if (std::all_of(colour.begin(), colour.end(), stamped) &&
       std::all_of(depth.begin(), depth.end(), stamped)) {
-    pair_by_microseconds(sequence, colour, depth, options.max_association_difference);
+    pair_by_microseconds(sequence, colour, depth, options);
   } else {
-    pair_by_number(sequence, colour, depth, options.rate);
+    pair_by_number(sequence, colour, depth, options);
   }
   for (const char* name : {"camera_intrinsic.json", "intrinsic.json"}) {
     const fs::path file = root / name;
@@ -216,6 +227,9 @@ Sequence load_redwood(const fs::path& root, const SequenceOptions& options) {
       std::istringstream in(read_text(truth));
       return parse_log(in, truth.string(), sequence.colour_times);
     });
+  } else if (const fs::path list = root / "groundtruth.txt"; fs::exists(list)) {
+    read_optional_truth(sequence, list,
+                        [&] { return truth_of_numbers(list, sequence.has_stamps, options.rate); });
   }
   return sequence;
 }

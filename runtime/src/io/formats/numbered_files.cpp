@@ -219,9 +219,9 @@ std::vector<NumberedFile> numbered_files(const fs::path& folder, std::string_vie
 }
 
 void pair_by_number(Sequence& sequence, const std::vector<NumberedFile>& colour,
-                    const std::vector<NumberedFile>& depth, double rate) {
+                    const std::vector<NumberedFile>& depth, const SequenceOptions& options) {
   sequence.has_stamps = false;
-  const auto time = [&](const NumberedFile& file) { return static_cast<double>(file.number) / rate; };
+  const auto time = [&](const NumberedFile& file) { return static_cast<double>(file.number) / options.rate; };
   std::map<std::uint64_t, const NumberedFile*> partners;
   for (const NumberedFile& file : depth) {
     partners[file.number] = &file;
@@ -238,6 +238,7 @@ void pair_by_number(Sequence& sequence, const std::vector<NumberedFile>& colour,
                      fmt::format("none of its {} colour and {} depth images have a number in common",
                                  colour.size(), depth.size()));
   }
+  shift_depth_times(sequence, depth_time_offset(sequence, options));
 }
 
 cv::Size first_size(const std::vector<FrameRecord>& frames, bool depth) {

@@ -88,35 +88,6 @@ bag::ImageTopic without_repeats(const bag::ImageTopic& topic, const std::string&
   return result;
 }
 
-/// Floats are metres (REP 118). Where the middle of three images is farther than any depth camera sees, they
-/// are in the camera's units instead, as 16-bit depth is: millimetres, mostly.
-void judge_float_depth(const bag::ImageTopic& depth, const ImageSource& images, Sequence& sequence) {
-  constexpr double kFarthest = 50;  // metres
-  std::vector<float> values;
-  for (const std::size_t k : {std::size_t(0), depth.shots.size() / 2, depth.shots.size() - 1}) {
-    try {
-      const cv::Mat image = images.read(ImageSource::Kind::depth, k);
-      if (image.type() != CV_32FC1) return;
-      constexpr int kStep = 5;  // pixels
-      for (int v = 0; v < image.rows; v += kStep) {
-        for (int u = 0; u < image.cols; u += kStep)
-          if (image.at<float>(v, u) > 0) values.push_back(image.at<float>(v, u));
-      }
-    } catch (const InputError&) {  // a broken frame is the run's to report
-    }
-  }
-  sequence.float_depth = !values.empty();
-  if (values.empty()) return;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  if (!(double(*middle) > kFarthest)) return;
-  for (FrameRecord& frame : sequence.frames) frame.float_units = true;
-  sequence.notes.push_back(
-      fmt::format("half of the float depth of {} is beyond {:.0f}, too far for metres: it is read in "
-                  "the camera's depth units per metre, as 16-bit depth is (1000: millimetres)",
-                  depth.name, *middle));
-}
-
 /// As a list of TUM's has them.
 std::vector<double> times_of(const bag::ImageTopic& topic, double offset) {
   std::vector<double> times;
@@ -151,7 +122,6 @@ void pair_images(Sequence& sequence, std::shared_ptr<const bag::Recording> file,
     record.depth_number = j;
     sequence.frames.push_back(std::move(record));
   }
-  judge_float_depth(depth, *images, sequence);
   if (sequence.frames.empty())
     throw InputError(
         file->name(), 0,
@@ -160,6 +130,7 @@ void pair_images(Sequence& sequence, std::shared_ptr<const bag::Recording> file,
             "to {:.3f} s",
             colour.name, depth.name, options.max_association_difference, sequence.colour_times.front(),
             sequence.colour_times.back(), sequence.depth_times.front(), sequence.depth_times.back()));
+  judge_float_depth(sequence, depth.name);
 }
 
 }  // namespace

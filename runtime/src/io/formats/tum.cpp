@@ -109,6 +109,7 @@ Sequence load_icl(const fs::path& root, const SequenceOptions& options) {
   for (auto* times : {&sequence.colour_times, &sequence.depth_times}) {
     for (double& t : *times) t /= options.rate;
   }
+  shift_depth_times(sequence, depth_time_offset(sequence, options));
   const auto truths = icl_truths(root);
   if (!truths.empty()) {
     read_optional_truth(sequence, truths.front(), [&] {
@@ -186,7 +187,6 @@ std::string camera_by_name(const std::string& name) {
 
 /// Images are paired by when they were taken.
 double depth_time_offset(const Sequence& sequence, const SequenceOptions& options) {
-  if (!sequence.has_stamps) return 0;  // numbers of frames are no times
   if (options.depth_time_offset != 0) return options.depth_time_offset;
   std::string camera = options.camera;
   if (camera.empty()) camera = camera_file_in(sequence.root).string();
@@ -195,9 +195,14 @@ double depth_time_offset(const Sequence& sequence, const SequenceOptions& option
   return load_camera(camera).depth_time_offset;
 }
 
+void shift_depth_times(Sequence& sequence, double offset) {
+  for (FrameRecord& frame : sequence.frames) frame.t_depth -= offset;
+  for (double& t : sequence.depth_times) t -= offset;
+}
+
 void read_lists(Sequence& sequence, const std::string& associations, const SequenceOptions& options) {
   const fs::path& root = sequence.root;
-  const double offset = depth_time_offset(sequence, options);
+  const double offset = sequence.has_stamps ? depth_time_offset(sequence, options) : 0;
   if (const fs::path path = root / associations; fs::exists(path)) {
     std::istringstream in(read_text(path));
     sequence.frames = parse_unsorted_associations(in, path.string(), sequence.notes);

@@ -17,10 +17,12 @@ namespace dynslam::runtime {
 /// memory.
 inline constexpr int kLongestSide = 8192;
 
-struct PngFile;  // io/png_decoder.hpp
+struct PngFile;    // io/png_decoder.hpp
+struct DepthFile;  // io/depth_files.hpp
 
-/// A PNG or JPEG file, read and complete: OpenCV returns half a picture for a truncated or damaged file
-/// without a word, so the end marker of the format is checked first, a PNG's check sums, and a JPEG's whole data.
+/// A PNG or JPEG file, or depth as TIFF, OpenEXR or numpy's .npy, read and complete: OpenCV returns half a picture for a
+/// truncated or damaged file without a word, so the end marker of the format is checked first, a PNG's check sums, and a
+/// JPEG's whole data.
 class EncodedImage {
  public:
   /// @throws InputError naming the file
@@ -31,18 +33,19 @@ class EncodedImage {
   /// Red, green and blue of each index of a PNG with a palette, which decode() replaces by colours; empty:
   /// it has none.
   [[nodiscard]] std::vector<std::array<std::uint8_t, 3>> palette() const;
-  [[nodiscard]] bool is_jpeg() const { return !png_; }
-  /// @param flags  cv::ImreadModes @throws InputError naming the file
+  [[nodiscard]] bool is_jpeg() const { return !png_ && !depth_; }
+  /// @param flags  cv::ImreadModes; an array's values are what they are @throws InputError naming the file
   [[nodiscard]] cv::Mat decode(int flags) const;
 
  private:
   std::filesystem::path path_;
   std::string content_;
   cv::Size size_;
-  std::shared_ptr<const PngFile> png_;  // empty: a JPEG
+  std::shared_ptr<const PngFile> png_;      // of a PNG
+  std::shared_ptr<const DepthFile> depth_;  // of neither PNG nor JPEG
 };
 
-/// Decodes a PNG or JPEG file, complete or not at all.
+/// Decodes a file of those kinds, complete or not at all.
 /// @param flags  cv::ImreadModes
 /// @throws InputError naming the file
 [[nodiscard]] cv::Mat read_image(const std::filesystem::path& path, int flags);

@@ -84,7 +84,8 @@ struct SequenceOptions {
 struct SequenceFormat {
   std::string_view name, files;
 };
-/// All formats: tum, bonn, eth3d, icl-nuim, 7-scenes, replica, scannet, redwood, bag, ros2. See
+/// All formats: tum, bonn, eth3d, icl-nuim, 7-scenes, replica, scannet, redwood, tartanair,
+/// stray-scanner, bag, ros2. See
 /// docs/your-own-data.md.
 [[nodiscard]] std::vector<SequenceFormat> sequence_formats();
 /// The formats that a folder, or a file, looks like; more than one where it holds the files of several.

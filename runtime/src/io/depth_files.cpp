@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Sources: numpy.lib.format (version 1 to 3); TIFF 6.0, section 2; OpenEXR file layout.
+#include "io/depth_files.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstring>
+#include <string_view>
+
+namespace dynslam::runtime {
+namespace {
+
+using Bytes = std::span<const std::uint8_t>;
+
+constexpr std::array<std::uint8_t, 6> kNpyStart{0x93, 'N', 'U', 'M', 'P', 'Y'};
+constexpr std::array<std::uint8_t, 4> kLittleTiff{'I', 'I', 42, 0}, kBigTiff{'M', 'M', 0, 42};
+constexpr std::array<std::uint8_t, 4> kExrStart{0x76, 0x2F, 0x31, 0x01};
+
+template <class Start>
+bool starts_with(Bytes bytes, const Start& start) {
+  return bytes.size() >= start.size() && std::equal(start.begin(), start.end(), bytes.begin());
+}
+
+/// An unsigned number of `length` bytes; 0 beyond the end.
+std::uint32_t number_at(Bytes bytes, std::size_t at, std::size_t length, bool big = false) {
+  if (at > bytes.size() || bytes.size() - at < length) return 0;
+  std::uint32_t value = 0;
+  for (std::size_t k = 0; k < length; ++k)
+    value |= std::uint32_t(bytes[at + k]) << (8 * (big ? length - 1 - k : k));
+  return value;
+}
+
+/// What stands behind 'KEY': in the dictionary at the head of an array; empty: nothing.
+std::string_view entry(std::string_view head, std::string_view key) {
+  const std::string quoted = fmt::format("'{}':", key);
+  const std::size_t at = head.find(quoted);
+  if (at == std::string_view::npos) return {};
+  head.remove_prefix(at + quoted.size());
+  const std::size_t start = head.find_first_not_of(' ');
+  return start == std::string_view::npos ? std::string_view() : head.substr(start);
+}
+
+struct NpyType {
+  std::string_view name;
+  int type;
+};
+constexpr std::array<NpyType, 5> kNpyTypes{
+    {{"|u1", CV_8UC1}, {"<u2", CV_16UC1}, {"<f2", CV_16FC1}, {"<f4", CV_32FC1}, {"<f8", CV_64FC1}}};
+
+/// Height and width of "(480, 640)" or "(480, 640, 1)"; empty: another shape.
+cv::Size npy_size(std::string_view shape) {
+  std::array<int, 3> n{0, 0, 1};
+  std::size_t count = 0;
+  const std::size_t end = shape.find(')');
+  if (shape.empty() || shape.front() != '(' || end == std::string_view::npos) return {};
+  for (const char* at = shape.data() + 1; at < shape.data() + end;) {
+    if (*at == ' ' || *at == ',') {
+      ++at;
+      continue;
+    }
+    int value = 0;
+    const auto [behind, error] = std::from_chars(at, shape.data() + end, value);
+    if (error != std::errc() || count == n.size()) return {};
+    n[count++] = value;
+    at = behind;
+  }
+  return count >= 2 && n[0] > 0 && n[1] > 0 && n[2] == 1 ? cv::Size(n[1], n[0]) : cv::Size();
+}
+
+void open_npy(Bytes bytes, DepthFile& file) {
+  const std::size_t length_bytes = bytes.size() > 6 && bytes[6] >= 2 ? 4 : 2, at = 8 + length_bytes;
+  const std::size_t length = number_at(bytes, 8, length_bytes);
+  if (bytes.size() < at || bytes.size() - at < length) {
+    file.fault = "is truncated";
+    return;
+  }
+  const std::string_view head(reinterpret_cast<const char*>(bytes.data()) + at, length);
+  const std::string_view descr = entry(head, "descr");
+  const std::string_view type = descr.size() > 4 ? descr.substr(1, 3) : std::string_view();
+  const auto known =
+      std::find_if(kNpyTypes.begin(), kNpyTypes.end(), [&](const NpyType& t) { return t.name == type; });
+  const std::string_view shape = entry(head, "shape");
+  file.size = npy_size(shape);
+  file.by_columns = entry(head, "fortran_order").starts_with("True");
+  file.values_at = at + length;
+  if (known == kNpyTypes.end()) {
+    file.fault = fmt::format("holds numbers of type {}; depth is uint16, float16, float32 or float64",
+                             descr.substr(0, descr.find(',')));
+  } else if (file.size.empty()) {
+    file.fault = fmt::format("has the shape {}, not that of one image (height, width)",
+                             shape.substr(0, shape.find(')') + 1));
+  } else {
+    file.type = known->type;
+    const std::size_t needed = std::size_t(file.size.width) * std::size_t(file.size.height);
+    if ((bytes.size() - file.values_at) / CV_ELEM_SIZE(file.type) < needed) file.fault = "is truncated";
+  }
+}
+
+/// Width and height are tags 256 and 257 of the first directory.
+void open_tiff(Bytes bytes, DepthFile& file) {
+  const bool big = bytes[0] == 'M';
+  const std::size_t directory = number_at(bytes, 4, 4, big);
+  const std::size_t entries = number_at(bytes, directory, 2, big);
+  constexpr std::size_t kEntry = 12;
+  constexpr std::uint32_t kWidth = 256, kHeight = 257, kShort = 3;
+  for (std::size_t k = 0; k < entries; ++k) {
+    const std::size_t at = directory + 2 + kEntry * k;
+    const std::uint32_t tag = number_at(bytes, at, 2, big);
+    if (tag != kWidth && tag != kHeight) continue;
+    const std::uint32_t value =
+        number_at(bytes, at + 8, number_at(bytes, at + 2, 2, big) == kShort ? 2 : 4, big);
+    const int side = int(std::min<std::uint32_t>(value, 1U << 30));
+    (tag == kWidth ? file.size.width : file.size.height) = side;
+  }
+  if (file.size.empty()) file.fault = "is damaged: a TIFF without a size";
+}
+
+/// The size is that of the attribute dataWindow: least and greatest x and y.
+void open_exr(Bytes bytes, DepthFile& file) {
+  using namespace std::string_view_literals;
+  constexpr std::string_view kWindow = "dataWindow\0box2i\0"sv;
+  const auto found = std::search(bytes.begin(), bytes.end(), kWindow.begin(), kWindow.end(),
+                                 [](std::uint8_t a, char b) { return a == std::uint8_t(b); });
+  const std::size_t at = std::size_t(found - bytes.begin()) + kWindow.size() + 4;
+  const auto coordinate = [&](std::size_t k) {
+    return std::int64_t(static_cast<std::int32_t>(number_at(bytes, at + 4 * k, 4)));
+  };
+  const std::int64_t width = coordinate(2) - coordinate(0) + 1, height = coordinate(3) - coordinate(1) + 1;
+  constexpr std::int64_t kMost = 1 << 30;
+  if (found == bytes.end() || width <= 0 || height <= 0) {
+    file.fault = "is damaged: an OpenEXR file without a size";
+  } else {
+    file.size = {int(std::min(width, kMost)), int(std::min(height, kMost))};
+  }
+}
+
+}  // namespace
+
+std::optional<DepthFileKind> depth_file_kind(Bytes bytes) {
+  if (starts_with(bytes, kNpyStart)) return DepthFileKind::npy;
+  if (starts_with(bytes, kLittleTiff) || starts_with(bytes, kBigTiff)) return DepthFileKind::tiff;
+  if (starts_with(bytes, kExrStart)) return DepthFileKind::exr;
+  return std::nullopt;
+}
+
+DepthFile open_depth_file(DepthFileKind kind, Bytes bytes) {
+  DepthFile file;
+  file.kind = kind;
+  switch (kind) {
+    case DepthFileKind::npy:
+      open_npy(bytes, file);
+      break;
+    case DepthFileKind::tiff:
+      open_tiff(bytes, file);
+      break;
+    case DepthFileKind::exr:
+      open_exr(bytes, file);
+      break;
+  }
+  return file;
+}
+
+cv::Mat decode_npy(Bytes bytes, const DepthFile& file) {
+  const cv::Size stored = file.by_columns ? cv::Size(file.size.height, file.size.width) : file.size;
+  cv::Mat image(stored, file.type);
+  std::memcpy(image.data, bytes.data() + file.values_at, image.total() * image.elemSize());
+  if (file.by_columns) image = image.t();
+  if (image.depth() == CV_16F || image.depth() == CV_64F) image.convertTo(image, CV_32F);
+  return image;
+}
+
+}  // namespace dynslam::runtime

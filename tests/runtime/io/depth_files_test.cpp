@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Depth in arrays of numpy, TIFF and OpenEXR: as numpy and OpenCV write them.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+
+#include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/frame_stream.hpp"
+#include "dynslam/runtime/io/image_io.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
+#include "error_text.hpp"
+#include "format_fixtures.hpp"
+
+namespace {
+
+using namespace dynslam;
+using namespace dynslam::runtime;
+using test::error_of, test::mentions, test::TemporaryFolder;
+namespace fs = std::filesystem;
+
+/// A file of numpy: head and values.
+void write_array(const fs::path& file, const std::string& descr, const std::string& order,
+                 const std::string& shape, const std::string& values) {
+  std::string head =
+      fmt::format("{{'descr': '{}', 'fortran_order': {}, 'shape': {}, }}", descr, order, shape);
+  head.append(127 - 10 - head.size(), ' ');
+  head += '\n';
+  std::ofstream(file, std::ios::binary)
+      << std::string("\x93NUMPY\x01\x00", 8) << static_cast<char>(head.size()) << '\0' << head << values;
+}
+
+template <class Value>
+std::string bytes_of(std::initializer_list<Value> values) {
+  return {reinterpret_cast<const char*>(values.begin()), values.size() * sizeof(Value)};
+}
+
+std::string error_of_reading(const fs::path& file) {
+  return error_of([&] { (void)read_image(file, cv::IMREAD_UNCHANGED); });
+}
+
+}  // namespace
+
+TEST_CASE("arrays of numpy are read in the types that depth comes in") {
+  const TemporaryFolder folder;
+  const fs::path file = folder.path / "d.npy";
+  write_array(file, "<f4", "False", "(2, 3)", bytes_of({1.F, 2.F, 3.F, 4.F, 5.F, 6.F}));
+  const cv::Mat floats = read_image(file, cv::IMREAD_UNCHANGED);
+  REQUIRE(floats.type() == CV_32FC1);
+  REQUIRE(floats.size() == cv::Size(3, 2));
+  CHECK(floats.at<float>(1, 0) == 4);
+  write_array(file, "<f8", "True", "(2, 3, 1)", bytes_of({1., 4., 2., 5., 3., 6.}));
+  CHECK(cv::norm(read_image(file, cv::IMREAD_UNCHANGED), floats, cv::NORM_INF) == 0);
+  write_array(file, "<f2", "False", "(1, 2)", bytes_of<std::uint16_t>({0x3C00, 0x4200}));  // 1 and 3
+  const cv::Mat halves = read_image(file, cv::IMREAD_UNCHANGED);
+  REQUIRE(halves.type() == CV_32FC1);
+  CHECK(halves.at<float>(0, 1) == 3);
+  write_array(file, "<u2", "False", "(1, 2)", bytes_of<std::uint16_t>({500, 65535}));
+  const cv::Mat whole = read_image(file, cv::IMREAD_UNCHANGED);
+  REQUIRE(whole.type() == CV_16UC1);
+  CHECK(whole.at<std::uint16_t>(0, 1) == 65535);
+}
+
+TEST_CASE("an array that is no depth image is one error that says what it holds") {
+  const TemporaryFolder folder;
+  const fs::path file = folder.path / "d.npy";
+  const auto error = [&](const char* descr, const char* shape, const std::string& values) {
+    write_array(file, descr, "False", shape, values);
+    return error_of_reading(file);
+  };
+  const std::string six = bytes_of({1.F, 2.F, 3.F, 4.F, 5.F, 6.F});
+  CHECK(mentions(error("<f4", "(2, 4)", six), "d.npy: is truncated"));
+  CHECK(mentions(error(">f4", "(2, 3)", six), "holds numbers of type '>f4'"));
+  CHECK(mentions(error("|O", "(2, 3)", six), "holds numbers of type '|O'"));
+  CHECK(mentions(error("<f4", "(6,)", six), "has the shape (6,)"));
+  CHECK(mentions(error("<f4", "(1, 2, 3)", six), "has the shape (1, 2, 3)"));
+  CHECK(mentions(error("<f4", "(9999, 9999)", six), "is truncated"));
+  CHECK(mentions(error("<f4", "(-2, 3)", six), "has the shape"));
+  std::ofstream(file, std::ios::binary) << std::string("\x93NUMPY\x01\x00\xFF\xFF", 10);
+  CHECK(mentions(error_of_reading(file), "is truncated"));
+}
+
+TEST_CASE("TIFF and OpenEXR files of floats are what OpenCV wrote, and promise no size beyond reason") {
+  const TemporaryFolder folder;
+  cv::Mat depth(48, 64, CV_32FC1);
+  cv::randu(depth, 0.3, 5);
+  for (const char* name : {"d.tiff", "d.exr"}) {
+    CAPTURE(name);
+    const fs::path file = folder.path / name;
+    if (!cv::imwrite(file.string(), depth)) continue;  // an OpenCV without OpenEXR
+    CHECK(EncodedImage(file).size() == depth.size());
+    const cv::Mat read = read_image(file, cv::IMREAD_UNCHANGED);
+    REQUIRE(read.type() == CV_32FC1);
+    CHECK(cv::norm(read, depth, cv::NORM_INF) == 0);
+    std::string content = read_file(file);
+    std::ofstream(file, std::ios::binary) << content.substr(0, content.size() / 2);
+    CHECK_FALSE(error_of_reading(file).empty());
+  }
+}
+
+TEST_CASE("numbered depth of floats is in metres, whatever holds it; 0 and infinite are none") {
+  const TemporaryFolder folder;
+  const fs::path root = folder.path / "s";
+  for (const char* name : {"color", "depth"}) fs::create_directories(root / name);
+  std::ofstream(root / "camera.txt") << "width = 64\nheight = 64\nfx = 60\nfy = 60\ncx = 32\ncy = 32\n";
+  std::ofstream truth(root / "groundtruth.txt");
+  for (int i = 0; i < 3; ++i) {
+    write_image(root / "color" / fmt::format("frame_{:05}.png", i),
+                cv::Mat(64, 64, CV_8UC3, cv::Scalar::all(90)));
+    cv::Mat depth(64, 64, CV_32FC1, cv::Scalar(1.5 + i));
+    depth.at<float>(0, 0) = 0;
+    depth.at<float>(0, 1) = INFINITY;
+    test::write_npy(root / "depth" / fmt::format("frame_{:05}.npy", i), depth);
+    truth << i << " " << i << " 0 0 0 0 0 1\n";
+  }
+  truth.close();
+  SequenceOptions options;
+  options.rate = 10;
+  const Sequence sequence = load_sequence(root, options);
+  REQUIRE(sequence.frames.size() == 3);
+  CHECK(sequence.float_depth);
+  const RgbdFrame frame = decode_frame(sequence.frames[1], 1, camera_of(sequence));
+  CHECK(frame.depth.at<float>(20, 20) == 2.5F);
+  CHECK(std::isnan(frame.depth.at<float>(0, 0)));
+  CHECK(std::isnan(frame.depth.at<float>(0, 1)));
+  // TUM's list beside them counts frames.
+  REQUIRE(sequence.groundtruth.size() == 3);
+  CHECK(sequence.groundtruth[2].t == doctest::Approx(0.2));
+}
