@@ -143,8 +143,8 @@ struct FormatFixture : TemporaryFolder {
     Shot seen = seen_by(film()[k], view);
     if (format == "stray-scanner") {
       cv::Mat small;
-      cv::resize(seen.depth, small, kPhoneDepth, 0, 0, cv::INTER_NEAREST);
-      cv::resize(small, seen.depth, seen.depth.size(), 0, 0, cv::INTER_NEAREST);
+      cv::resize(seen.depth, small, kPhoneDepth, 0, 0, cv::INTER_NEAREST_EXACT);
+      cv::resize(small, seen.depth, seen.depth.size(), 0, 0, cv::INTER_NEAREST_EXACT);
     }
     return seen;
   }
@@ -322,7 +322,7 @@ struct FormatFixture : TemporaryFolder {
     for (std::size_t i = 0; i < film().size(); ++i) {
       video.write(seen_by(film()[i], large).bgr);
       cv::Mat depth;
-      cv::resize(seen_by(film()[i], view).depth, depth, kPhoneDepth, 0, 0, cv::INTER_NEAREST);
+      cv::resize(seen_by(film()[i], view).depth, depth, kPhoneDepth, 0, 0, cv::INTER_NEAREST_EXACT);
       cv::Mat confidence(depth.size(), CV_8UC1, cv::Scalar(2));
       confidence.setTo(0, depth == 0);
       depth.setTo(65, depth == 0);  // what the sensor is not sure of

@@ -120,7 +120,7 @@ cv::Mat VideoImages::depth(std::size_t number) const {
     values.setTo(0, confidence == 0);
   }
   cv::Mat scaled;
-  cv::resize(values, scaled, size_, 0, 0, cv::INTER_NEAREST);
+  cv::resize(values, scaled, size_, 0, 0, cv::INTER_NEAREST_EXACT);
   return scaled;
 }
 
