@@ -34,35 +34,45 @@ std::optional<SE3<double>> pose_of_seven(const std::string& line) {
   return SE3<double>(q.normalized(), Eigen::Vector3d(v[0], v[1], v[2]));
 }
 
-/// The rotation from the camera to the ground truth's body that fits all pairs, and how far the farthest
-/// nine tenths of them are from it [rad].
-struct BodyTurn {
+/// The rotation that fits all, and how far the farthest nine tenths of them are from it [rad].
+struct MeanTurn {
   Eigen::Quaterniond turn;
   double scatter = 0;
 };
-std::optional<BodyTurn> turn_of_body(std::span<const StampedPose<double>> estimate,
-                                     std::span<const StampedPose<double>> groundtruth,
-                                     const SE3<double>& T_gt_est) {
-  std::vector<double> times_gt, times_est;
-  for (const auto& pose : groundtruth) times_gt.push_back(pose.t);
-  for (const auto& pose : estimate) times_est.push_back(pose.t);
-  std::vector<Eigen::Quaterniond> turns;
+MeanTurn mean_of(std::vector<Eigen::Quaterniond> turns) {
   Eigen::Vector4d sum = Eigen::Vector4d::Zero();
-  for (const auto& [i, j] : associate(times_gt, times_est)) {
-    const SE3<double> of = groundtruth[i].T_w_c.inverse() * (T_gt_est * estimate[j].T_w_c);
-    Eigen::Quaterniond q = of.so3().quaternion();
-    if (!turns.empty() && q.dot(turns.front()) < 0) q.coeffs() = -q.coeffs();
+  for (Eigen::Quaterniond& q : turns) {
+    if (q.dot(turns.front()) < 0) q.coeffs() = -q.coeffs();
     sum += q.coeffs();
-    turns.push_back(q);
   }
-  if (turns.size() < 3 || !(sum.norm() > 0)) return std::nullopt;
-  BodyTurn result{Eigen::Quaterniond(Eigen::Vector4d(sum.normalized())), 0};
+  MeanTurn result{Eigen::Quaterniond(Eigen::Vector4d(sum.normalized())), 0};
   std::vector<double> angles;
   for (const Eigen::Quaterniond& q : turns) angles.push_back(q.angularDistance(result.turn));
   const auto at = angles.begin() + static_cast<std::ptrdiff_t>(9 * (angles.size() - 1) / 10);
   std::nth_element(angles.begin(), at, angles.end());
   result.scatter = *at;
   return result;
+}
+
+/// From the camera to the ground truth's body; nullopt where a turn of the world, which the alignment of few or straight
+/// positions leaves open, explains the same: the camera did not turn enough.
+std::optional<MeanTurn> turn_of_body(std::span<const StampedPose<double>> estimate,
+                                     std::span<const StampedPose<double>> groundtruth,
+                                     const SE3<double>& T_gt_est) {
+  std::vector<double> times_gt, times_est;
+  for (const auto& pose : groundtruth) times_gt.push_back(pose.t);
+  for (const auto& pose : estimate) times_est.push_back(pose.t);
+  std::vector<Eigen::Quaterniond> of_body, of_world;
+  for (const auto& [i, j] : associate(times_gt, times_est)) {
+    const SO3<double> truth = groundtruth[i].T_w_c.so3(), found = (T_gt_est * estimate[j].T_w_c).so3();
+    of_body.push_back((truth.inverse() * found).quaternion());
+    of_world.push_back((found * truth.inverse()).quaternion());
+  }
+  if (of_body.size() < 3) return std::nullopt;
+  const MeanTurn body = mean_of(std::move(of_body)), world = mean_of(std::move(of_world));
+  constexpr double kClearly = 3;
+  if (!(world.scatter > kClearly * body.scatter)) return std::nullopt;
+  return body;
 }
 
 }  // namespace

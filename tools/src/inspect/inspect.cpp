@@ -140,8 +140,9 @@ void judge_stamps(double depth_offset, SequenceReport& report) {
   const StampReport& s = report.stamps;
   const double interval = s.colour_rate > 0 ? 1 / s.colour_rate : 0;
   constexpr double kLate = 0.3, kSteady = 0.1;  // of an interval
-  // Where the camera says when depth is taken, it was.
-  if (report.sequence.has_stamps && depth_offset == 0 && std::abs(s.delay_median) > kLate * interval &&
+  // Where the camera says when depth is taken, it was; and the images themselves say more than their stamps.
+  const bool edges_say = report.edges.measured && report.edges.lag != 0;
+  if (report.sequence.has_stamps && depth_offset == 0 && !edges_say && std::abs(s.delay_median) > kLate * interval &&
       s.delay_spread < kSteady * interval)
     report.odd.push_back(fmt::format("depth stamps are {:.1f} ms {} those of colour throughout{}",
                                      1000 * std::abs(s.delay_median), s.delay_median > 0 ? "after" : "before",

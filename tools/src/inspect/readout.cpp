@@ -140,9 +140,10 @@ std::optional<std::string> readout_doubt(const Sequence& sequence, const CameraC
   if (!measured.readout || std::abs(*measured.readout) < std::max(kShort, measured.half_width))
     return std::nullopt;
   return fmt::format(
-      "the rows of colour images are read in {:.3f} +- {:.3f} s, of which the camera "
-      "{} says nothing: a camera file with readout_time = {:.3f} does",
-      *measured.readout, measured.half_width, camera.name, *measured.readout);
+      "the rows of colour images are read in {:.3f} +- {:.3f} s, of which {} "
+      "says nothing: a camera file with readout_time = {:.3f} does",
+      *measured.readout, measured.half_width,
+      camera.name == "camera" ? "the camera's file" : "the camera " + camera.name, *measured.readout);
 }
 
 std::vector<std::string> readout_doubts(const ReadoutMeasurement<double>& run, const Sequence& sequence,
