@@ -95,8 +95,8 @@ static_assert(sizeof(Additions) == kAdditions.size() * sizeof(bool) &&
 [[nodiscard]] constexpr Additions additions(Method method, DynamicsMode mode) {
   if (method == Method::paper || mode == DynamicsMode::none) return Additions::none();
   Additions result = Additions::all();
-  result.proven_points = false;
-  result.strict_local_map = result.doubted_points = uses_geometry(mode);
+  result.proven_points = result.second_look = result.look_around = result.doubted_points = false;
+  result.strict_local_map = uses_geometry(mode);
   return result;
 }
 
