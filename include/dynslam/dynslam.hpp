@@ -149,6 +149,8 @@
 #include "dynslam/semantic/voxel_block_map.hpp"
 #include "dynslam/semantic/voxel_end.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
+#include "dynslam/track/last_frame.hpp"
+#include "dynslam/track/pose_tracking_options.hpp"
 #include "dynslam/version.hpp"
 
 #include "dynslam/pop_macros.hpp"
