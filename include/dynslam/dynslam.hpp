@@ -149,7 +149,11 @@
 #include "dynslam/semantic/voxel_block_map.hpp"
 #include "dynslam/semantic/voxel_end.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
+#include "dynslam/track/keyframe_inserter.hpp"
 #include "dynslam/track/last_frame.hpp"
+#include "dynslam/track/local_map_pose.hpp"
+#include "dynslam/track/pose_estimate.hpp"
+#include "dynslam/track/pose_search.hpp"
 #include "dynslam/track/pose_tracking_options.hpp"
 #include "dynslam/version.hpp"
 

@@ -1,14 +1,44 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A camera that is tracked, of every kind.
+// A camera that is tracked, lost and found, of every kind.
 #include <doctest/doctest.h>
 
+#include <cstddef>
+
+#include "cameras.hpp"
+#include "dynslam/geometry/ideal_pinhole.hpp"
+#include "dynslam/track/keyframe_inserter.hpp"
 #include "dynslam/track/last_frame.hpp"
+#include "dynslam/track/local_map_pose.hpp"
+#include "dynslam/track/pose_estimate.hpp"
+#include "dynslam/track/pose_search.hpp"
 #include "dynslam/track/pose_tracking_options.hpp"
+#include "tracked_wall.hpp"
 
 using namespace dynslam;
 
-TEST_CASE_TEMPLATE("the motion model is of any scalar", S, float, double) {
-  LastFrame<S> last(PoseTrackingOptions<S>(), 0.02, 480);
-  CHECK(last.predicted_pose().log().norm() == S(0));
-  CHECK_FALSE(last.interval(1));
+TEST_CASE_TEMPLATE("every camera is tracked, found again, and in the frames in between", Camera,
+                   DYNSLAM_CONFORMANCE_EACH_CAMERA) {
+  using S = typename Camera::ScalarType;
+  using Wall = test::TrackedWall<Camera>;
+  Wall wall(test::conformance_camera<Camera>());
+  wall.start();
+
+  PoseSearch<Camera> search(wall.options, {}, 1);
+  const auto tracked = wall.view(2);
+  SearchedFrame<S> now;
+  wall.see(tracked, now);
+  const auto align = [](const SE3<S>&) { return ImageAlignmentResult<S>(); };
+  REQUIRE(search.locate(
+      wall.evidence(tracked), wall.solver, align, [] {}, now));
+  CHECK(wall.error(now.frame.T_c_w, tracked) < S(0.01));
+  search.accept(now.inliers);
+
+  wall.last.lose();
+
+  const auto again = wall.view(3);
+  PoseEstimate<S> found;
+  wall.see(again, found);
+  found.frame.T_c_w = again.T_c_w;
+  REQUIRE(wall.solver.prove(wall.evidence(again), wall.options.min_inliers, true, found));
+  wall.last.accept(found.frame.T_c_w, again.time.t);
 }

@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "dynslam/push_macros.hpp"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "dynslam/optim/image_alignment.hpp"
+#include "dynslam/optim/pose_consensus.hpp"
+#include "dynslam/track/local_map_pose.hpp"
+
+namespace dynslam {
+
+/// A frame whose pose is searched.
+template <std::floating_point S>
+struct SearchedFrame : PoseEstimate<S> {
+  bool plain = false;                              ///< searched without PoseSearchAdditions and alignment
+  std::optional<ImageAlignmentResult<S>> aligned;  ///< with the last frame; empty: not tried
+};
+
+/// What keeps dynamic objects and repeated texture out of PoseSearch.
+struct PoseSearchAdditions {
+  bool surface_weights = true;   ///< features count by the surface that they stand for (surface_weights())
+  bool motion_prior = true;      ///< the predicted motion counts in the consensus, too
+  bool strict_local_map = true;  ///< matches of the local map that are far off never enter the optimisation
+  bool offset_poses =
+      true;       ///< where far fewer points fit than usually, poses beside the one found are tried
+  int young = 8;  ///< frames in which a point was in view, below which those do not count it
+};
+
+/// Finds the pose of a frame while the camera is known: from the last frame's points, where these are few
+/// from its grey values, and proves it on the local map.
+/// @tparam C  the camera as recorded
+template <DifferentiableCamera C>
+  requires std::floating_point<typename C::ScalarType>
+class PoseSearch {
+ public:
+  using S = typename C::ScalarType;
+
+  /// @param seed  of the consensus; a frame's index is added
+  PoseSearch(const PoseTrackingOptions<S>& options, const PoseSearchAdditions& additions, std::uint64_t seed)
+      : options_(options), additions_(additions), seed_(seed) {}
+
+  /// @param align    align(T_now_last predicted) -> ImageAlignmentResult<S>: the motion since the last frame
+  /// by its
+  ///                 grey values
+  /// @param started  started(): called when the last frame's points have been tried
+  /// @return whether there is a pose: now.frame.T_c_w
+  template <class E, class Align, class Started>
+  bool locate(const E& from, LocalMapPose<C>& solver, Align&& align, Started&& started,
+              SearchedFrame<S>& now) {
+    return locate_by_features(from, solver, align, started, now) ||
+           (!now.plain && locate_by_alignment(from, solver, align, options_.weak_inliers, now));
+  }
+
+  /// From the last frame's grey values alone. @return whether `required` points of the local map fit it
+  template <class E, class Align>
+  bool locate_by_alignment(const E& from, LocalMapPose<C>& solver, Align&& align, int required,
+                           SearchedFrame<S>& now) {
+    if (!start_by_alignment(from, solver, align, now) || !refine(from, solver, required, now)) return false;
+    solver.add_to_readout(from, now);
+    return true;
+  }
+
+  /// Whether matches that are far off are kept out where `now` is optimised.
+  [[nodiscard]] bool strict(const SearchedFrame<S>& now) const {
+    return additions_.strict_local_map && !now.plain;
+  }
+
+  /// Tells of a frame that was tracked, with how many inliers.
+  void accept(int inliers) {
+    usual_inliers_ = std::max(static_cast<S>(inliers), options_.usual_decay * usual_inliers_);
+  }
+
+ private:
+  template <class E>
+  bool refine(const E& from, LocalMapPose<C>& solver, int required, SearchedFrame<S>& now) const {
+    return solver.refine(from, required, strict(now), now);
+  }
+
+  template <class E, class Align, class Started>
+  bool locate_by_features(const E& from, LocalMapPose<C>& solver, Align& align, Started& started,
+                          SearchedFrame<S>& now) {
+    const PoseTrackingOptions<S>& o = options_;
+    if (from.last.lost_frames() >= o.coasting_frames) return false;
+    const SE3<S> predicted = from.last.predicted_pose();
+    // The best of the weak starts is taken, the one by the last frame's grey values among them.
+    std::optional<typename LocalMapPose<C>::Attempt> best;
+    for (const float radius : {o.near_radius, o.far_radius}) {
+      if (!start_by_features(from, solver, predicted, radius, now)) continue;
+      if (now.inliers >= o.min_inliers) {
+        started();
+        const bool poor = now.inliers < o.sure_inliers;
+        if (!(poor ? refine(from, solver, o.min_inliers, now)
+                   : solver.prove(from, o.min_inliers, strict(now), now)))
+          return false;
+        if (!poor || !try_offset_poses(from, solver, now)) solver.add_to_readout(from, now);
+        return true;
+      }
+      const auto start = solver.save(now);
+      if (refine(from, solver, 2 * o.min_inliers, now) && (!best || now.inliers > best->estimate.inliers))
+        best = solver.save(now);
+      solver.restore(from, start, now);
+    }
+    started();
+    if (!best) return false;
+    const bool aligned = !now.plain && start_by_alignment(from, solver, align, now) &&
+                         refine(from, solver, 2 * o.min_inliers, now) && now.inliers > best->estimate.inliers;
+    if (!aligned) solver.restore(from, *best, now);
+    if (!try_offset_poses(from, solver, now) && aligned) solver.add_to_readout(from, now);
+    return true;
+  }
+
+  /// The pose that most of the last frame's points agree on, each looked for near where it is predicted.
+  template <class E>
+  bool start_by_features(const E& from, LocalMapPose<C>& solver, const SE3<S>& predicted, float radius,
+                         SearchedFrame<S>& now) {
+    const PoseTrackingOptions<S>& o = options_;
+    MatchedPose<S>& optimiser = solver.optimiser();
+    const FeatureFrame<S>& last = from.last.frame();
+    optimiser.set_rows_known();  // as predicted, until the local map tells
+    if (solver.matcher().match_last(from.map, last, predicted, radius, now.frame) < o.weak_inliers)
+      return false;
+    solver.matcher().refine(from.map, predicted, from.pyramid, from.depth, now.frame);
+    optimiser.gather(from.map, now.frame);
+    PoseConsensusOptions<S> consensus;
+    consensus.seed = seed_ + now.frame.index;
+    const Eigen::Vector2i image_size(solver.placer().width(), solver.placer().height());
+    if (additions_.motion_prior && !now.plain) {
+      const auto interval = static_cast<S>(std::max(1e-3, from.time.t - last.t));
+      consensus.prior_share = o.prior_share;
+      consensus.prior_translation = o.prior_speed * interval;
+      consensus.prior_rotation = o.prior_turn * interval;
+    }
+    const SE3<S> start =
+        optimiser.consensus(predicted, std::span<const SE3<S>>(&last.T_c_w, 1), consensus,
+                            additions_.surface_weights && !now.plain ? &image_size : nullptr);
+    optimiser.keep_consistent(start, consensus.truncation, now.frame);
+    const PoseResult<S> pose = optimiser.optimize(from.map, start, now.frame);
+    if (pose.inliers < o.weak_inliers) return false;
+    now.frame.T_c_w = pose.T_c_w;
+    now.inliers = pose.inliers;
+    return true;
+  }
+
+  /// A pose by the last frame's grey values, as a start where its points do not tell. @return whether there
+  /// is one
+  template <class E, class Align>
+  bool start_by_alignment(const E& from, LocalMapPose<C>& solver, Align& align, SearchedFrame<S>& now) const {
+    if (from.last.lost_frames() >= options_.coasting_frames) return false;
+    if (!now.aligned) now.aligned = align(from.last.predicted_motion());
+    if (!now.aligned->ok()) return false;
+    const SE3<S> T_c_w = now.aligned->T_image_reference * from.last.frame().T_c_w;
+    if (!from.last.reachable(T_c_w, now.frame.t)) return false;  // a dynamic object fills the view
+    now.plain = false;  // from a good start what moves can be told from what is static
+    solver.matcher().clear(now.frame);
+    now.frame.T_c_w = T_c_w;
+    return true;
+  }
+
+  /// Patches of what repeats, as the keys of a keyboard, fit beside their place almost as well as there, and
+  /// a pose that hardly anything else constrains goes with them. Then the points of all else are missing.
+  /// Where far fewer fit than usually, poses a little to the side are tried as well, and one that more points
+  /// fit is taken. Not farther: there the next key has most. Points made a moment ago do not count: they are
+  /// where they were seen, whatever they move with, and a board that has just come in would be followed.
+  /// @return whether there was reason to try
+  template <class E>
+  bool try_offset_poses(const E& from, LocalMapPose<C>& solver, SearchedFrame<S>& now) {
+    const PoseTrackingOptions<S>& o = options_;
+    if (!additions_.offset_poses || static_cast<S>(now.inliers) >= o.fallen_inliers * usual_inliers_)
+      return false;
+    auto best = solver.save(now);
+    int most = old_matches(from.map, now.frame);
+    const SE3<S> centre = now.frame.T_c_w;
+    const S step = o.aside / solver.placer().pinhole().fx() * depth_of_matches(from.map, now.frame);
+    for (const int y : {-1, 0, 1}) {
+      for (const int x : {-1, 0, 1}) {
+        if (x == 0 && y == 0) continue;
+        solver.matcher().clear(now.frame);
+        now.frame.T_c_w =
+            SE3<S>(SO3<S>(), {static_cast<S>(x) * step, static_cast<S>(y) * step, S(0)}) * centre;
+        if (!refine(from, solver, o.min_inliers, now)) continue;
+        const int old = old_matches(from.map, now.frame);
+        if (static_cast<S>(old) < o.settling_growth * static_cast<S>(most)) continue;
+        best = solver.save(now);
+        most = old;
+      }
+    }
+    solver.restore(from, best, now);
+    return true;
+  }
+
+  /// How many matches of a frame are with points that were seen for a while.
+  template <class Map>
+  [[nodiscard]] int old_matches(const Map& map, const FeatureFrame<S>& frame) const {
+    return static_cast<int>(std::count_if(frame.point.begin(), frame.point.end(), [&](int p) {
+      return p >= 0 && map.point(p).visible >= additions_.young;
+    }));
+  }
+
+  /// Median depth of the points that a frame matches [m]; 0 without any.
+  template <class Map>
+  [[nodiscard]] static S depth_of_matches(const Map& map, const FeatureFrame<S>& frame) {
+    std::vector<S> depths;
+    for (const int p : frame.point) {
+      if (p >= 0) depths.push_back((frame.T_c_w * map.point(p).p_w).z());
+    }
+    if (depths.empty()) return S(0);
+    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    std::nth_element(depths.begin(), middle, depths.end());
+    return *middle;
+  }
+
+  PoseTrackingOptions<S> options_;
+  PoseSearchAdditions additions_;
+  std::uint64_t seed_;
+  S usual_inliers_ = S(0);  // of the frames before: the most, less by a share for each frame since
+};
+
+}  // namespace dynslam
+
+#include "dynslam/pop_macros.hpp"
