@@ -155,6 +155,7 @@
 #include "dynslam/track/pose_estimate.hpp"
 #include "dynslam/track/pose_search.hpp"
 #include "dynslam/track/pose_tracking_options.hpp"
+#include "dynslam/track/relocaliser.hpp"
 #include "dynslam/version.hpp"
 
 #include "dynslam/pop_macros.hpp"
