@@ -149,6 +149,7 @@
 #include "dynslam/semantic/voxel_block_map.hpp"
 #include "dynslam/semantic/voxel_end.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
+#include "dynslam/track/frame_revision.hpp"
 #include "dynslam/track/keyframe_inserter.hpp"
 #include "dynslam/track/last_frame.hpp"
 #include "dynslam/track/local_map_pose.hpp"

@@ -6,6 +6,7 @@
 
 #include "cameras.hpp"
 #include "dynslam/geometry/ideal_pinhole.hpp"
+#include "dynslam/track/frame_revision.hpp"
 #include "dynslam/track/keyframe_inserter.hpp"
 #include "dynslam/track/last_frame.hpp"
 #include "dynslam/track/local_map_pose.hpp"
@@ -33,6 +34,8 @@ TEST_CASE_TEMPLATE("every camera is tracked, found again, and in the frames in b
       wall.evidence(tracked), wall.solver, align, [] {}, now));
   CHECK(wall.error(now.frame.T_c_w, tracked) < S(0.01));
   search.accept(now.inliers);
+  FrameRevision<Camera> revision(wall.options);
+  CHECK_FALSE(revision.revise(wall.map, wall.last, tracked.time.t, now.frame.T_c_w, wall.solver));
 
   wall.last.lose();
 
