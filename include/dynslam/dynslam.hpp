@@ -153,6 +153,7 @@
 #include "dynslam/track/keyframe_inserter.hpp"
 #include "dynslam/track/last_frame.hpp"
 #include "dynslam/track/local_map_pose.hpp"
+#include "dynslam/track/loss_recovery.hpp"
 #include "dynslam/track/pose_estimate.hpp"
 #include "dynslam/track/pose_search.hpp"
 #include "dynslam/track/pose_tracking_options.hpp"
