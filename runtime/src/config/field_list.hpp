@@ -76,7 +76,7 @@ ConfigChoice choice(E& value, std::initializer_list<E> all, Parse parse, Name na
 
 void list(FieldList& f, TrackerOptions& o);
 void list(FieldList& f, FeatureOptions& o);
-void list(FieldList& f, PoseSearchOptions& o);
+void list(FieldList& f, PoseTrackingOptions<double>& o);
 void list(FieldList& f, ImageAlignmentOptions<double>& o);
 void list(FieldList& f, MotionSegmenterOptions<double>& o);
 void list(FieldList& f, MaskArbitrationOptions<double>& o);

@@ -69,7 +69,7 @@ void list(FieldList& f, FeatureOptions& o) {
     between(4, 10000));
 }
 
-void list(FieldList& f, PoseSearchOptions& o) {
+void list(FieldList& f, PoseTrackingOptions<double>& o) {
   f("min_inliers", o.min_inliers, "", "inliers that it takes to accept a pose", from(4));
   f("weak_inliers", o.weak_inliers, "",
     "inliers among the last frame's points that make a start, which the local map has to prove", from(4));
