@@ -4,6 +4,7 @@
 # Says which files of include/, runtime/, tools/, examples/ and bench/ are longer than 400 lines, without the includes that
 # begin and end every header (push_macros.hpp, pop_macros.hpp), and which functions longer than 80; exits with 1 where there are any. It reads the layout that clang-format gives: a function begins with a
 # line that is indented less than what follows and ends in "{", and ends with a "}" of the same indentation.
+# Without a FOLDER it has scripts/check-classes.sh say, too, which classes of runtime/ are too large.
 #
 #   scripts/check-sizes.sh [FOLDER...]
 #
@@ -11,7 +12,11 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 max_file=${MAX_FILE:-400} max_function=${MAX_FUNCTION:-80}
-[ $# -gt 0 ] || set -- include runtime tools examples bench
+classes=true
+if [ $# -eq 0 ]; then
+  set -- include runtime tools examples bench
+  scripts/check-classes.sh || classes=false
+fi
 
 faults=$(find "$@" -name '*.hpp' -o -name '*.cpp' | sort | xargs awk -v max_file="$max_file" -v max_function="$max_function" '
   function report(text) { print text }
@@ -55,4 +60,4 @@ faults=$(find "$@" -name '*.hpp' -o -name '*.cpp' | sort | xargs awk -v max_file
     if (lines > max_file) report(file ": " lines " lines, at most " max_file)
   }')
 [ -z "$faults" ] || echo "$faults"
-[ "$(grep -c . <<< "$faults")" -eq "${EXPECT_FAULTS:-0}" ]
+[ "$(grep -c . <<< "$faults")" -eq "${EXPECT_FAULTS:-0}" ] && $classes
