@@ -8,8 +8,7 @@ import sys
 
 import sequences as sq
 
-ADDITIONS = ["surface_weights", "motion_prior", "strict_local_map", "second_look", "image_alignment", "look_around",
-             "doubted_points"]
+ADDITIONS = ["surface_weights", "motion_prior", "strict_local_map", "image_alignment"]
 
 
 def without_addition(name):

@@ -184,30 +184,3 @@ TEST_CASE_TEMPLATE("points are made where there is depth, trust and room, and no
   CHECK(hurried.make(wall.map, wall.pyramids[0], f) == 2);
   CHECK(f.point[5] == 1);
 }
-
-TEST_CASE_TEMPLATE("points in view that a frame does not match are named with where they are expected", S,
-                   float, double) {
-  Wall<S> wall;
-  const FeatureFrame<S> first = wall.first_keyframe();
-  FeatureFrame<S> now = wall.frame({}, {});
-  wall.matcher.begin(now);
-  (void)wall.matcher.match_local(wall.map, wall.T_c1_w, wall.pyramids[1], wall.depth, now);
-  const auto unmatched = [&](const SE3<S>& T_c_w) {
-    std::vector<int> ids;
-    wall.matcher.unmatched_in_view(wall.map, T_c_w, now, [&](int id, const auto& pixel, S z) {
-      const Feature& before = first.features[static_cast<std::size_t>(id)];
-      CHECK(std::abs(static_cast<float>(pixel.x()) + static_cast<float>(kShift) - before.u) < 0.01F);
-      CHECK(std::abs(static_cast<float>(pixel.y()) - before.v) < 0.01F);
-      CHECK(std::abs(z - S(2)) < S(1e-4));
-      ids.push_back(id);
-    });
-    return ids;
-  };
-  CHECK(unmatched(wall.T_c1_w).empty());
-  const int forgotten = now.point[7], bad = now.point[20];
-  now.point[7] = now.point[20] = -1;
-  wall.map.point(bad).bad = true;
-  CHECK(unmatched(wall.T_c1_w) == std::vector<int>{forgotten});
-  const SE3<S> turned_away(SO3<S>::exp({S(0), S(3), S(0)}), wall.T_c1_w.translation());
-  CHECK(unmatched(turned_away).empty());
-}

@@ -219,12 +219,12 @@ TEST_CASE("a configuration's mistakes are named with file, line, what was expect
 
 TEST_CASE("additions that a list does not name are left out") {
   Configured c;
-  c.read("[tracker]\nadditions = [\"second_look\"]\n");
+  c.read("[tracker]\nadditions = [\"motion_prior\"]\n");
   const auto& a = c.options.tracker.additions;
   REQUIRE(a);
-  Additions second_look = Additions::none();
-  second_look.second_look = true;
-  CHECK(*a == second_look);
+  Additions motion_prior = Additions::none();
+  motion_prior.motion_prior = true;
+  CHECK(*a == motion_prior);
 }
 
 TEST_CASE("what TOML allows on one line is understood") {

@@ -71,6 +71,6 @@ TEST_CASE("the full method takes what a mode can use") {
   CHECK(additions(Method::full, DynamicsMode::geometric) == both);
   CHECK(ablation_additions(Method::full) == both);
   Additions semantic = both;
-  semantic.strict_local_map = semantic.doubted_points = false;
+  semantic.strict_local_map = false;
   CHECK(additions(Method::full, DynamicsMode::semantic) == semantic);
 }

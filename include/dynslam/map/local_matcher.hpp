@@ -175,24 +175,6 @@ class LocalMatcher {
     return matches;
   }
 
-  /// Calls visit(id, pixel, z) for each point of the local map in view that the frame does not match: the
-  /// recorded pixel where it is expected, and its depth [m].
-  template <class Map, class Visit>
-  void unmatched_in_view(Map& map, const SE3<S>& T_c_w, const FeatureFrame<S>& frame, Visit&& visit) {
-    map.local_points(frame, options_.keyframes, candidates_);
-    holder_.assign(map.points().size(), -1);
-    for (const int id : frame.point) {
-      if (id >= 0) holder_[static_cast<std::size_t>(id)] = 0;
-    }
-    const Vector3 centre = T_c_w.inverse().translation();
-    for (const int id : candidates_) {
-      if (holder_[static_cast<std::size_t>(id)] >= 0) continue;
-      const auto seen = expect(map.point(id), T_c_w, centre);
-      const auto pixel = seen ? placer_.project(seen->p_c) : std::nullopt;
-      if (pixel) visit(id, *pixel, seen->p_c.z());
-    }
-  }
-
  private:
   static constexpr int kNoMatch = kDescriptorBits + 1, kSettled = -1;
   static constexpr std::size_t kAhead = 3;  // candidates that are asked for before they are looked at

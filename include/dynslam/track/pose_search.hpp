@@ -30,9 +30,6 @@ struct PoseSearchAdditions {
   bool surface_weights = true;   ///< features count by the surface that they stand for (surface_weights())
   bool motion_prior = true;      ///< the predicted motion counts in the consensus, too
   bool strict_local_map = true;  ///< matches of the local map that are far off never enter the optimisation
-  bool offset_poses =
-      true;       ///< where far fewer points fit than usually, poses beside the one found are tried
-  int young = 8;  ///< frames in which a point was in view, below which those do not count it
 };
 
 /// Finds the pose of a frame while the camera is known: from the last frame's points, where these are few
@@ -74,11 +71,6 @@ class PoseSearch {
     return additions_.strict_local_map && !now.plain;
   }
 
-  /// Tells of a frame that was tracked, with how many inliers.
-  void accept(int inliers) {
-    usual_inliers_ = std::max(static_cast<S>(inliers), options_.usual_decay * usual_inliers_);
-  }
-
  private:
   template <class E>
   bool refine(const E& from, LocalMapPose<C>& solver, int required, SearchedFrame<S>& now) const {
@@ -101,7 +93,7 @@ class PoseSearch {
         if (!(poor ? refine(from, solver, o.min_inliers, now)
                    : solver.prove(from, o.min_inliers, strict(now), now)))
           return false;
-        if (!poor || !try_offset_poses(from, solver, now)) solver.add_to_readout(from, now);
+        solver.add_to_readout(from, now);
         return true;
       }
       const auto start = solver.save(now);
@@ -114,7 +106,7 @@ class PoseSearch {
     const bool aligned = !now.plain && start_by_alignment(from, solver, align, now) &&
                          refine(from, solver, 2 * o.min_inliers, now) && now.inliers > best->estimate.inliers;
     if (!aligned) solver.restore(from, *best, now);
-    if (!try_offset_poses(from, solver, now) && aligned) solver.add_to_readout(from, now);
+    if (aligned) solver.add_to_readout(from, now);
     return true;
   }
 
@@ -165,63 +157,9 @@ class PoseSearch {
     return true;
   }
 
-  /// Patches of what repeats, as the keys of a keyboard, fit beside their place almost as well as there, and
-  /// a pose that hardly anything else constrains goes with them. Then the points of all else are missing.
-  /// Where far fewer fit than usually, poses a little to the side are tried as well, and one that more points
-  /// fit is taken. Not farther: there the next key has most. Points made a moment ago do not count: they are
-  /// where they were seen, whatever they move with, and a board that has just come in would be followed.
-  /// @return whether there was reason to try
-  template <class E>
-  bool try_offset_poses(const E& from, LocalMapPose<C>& solver, SearchedFrame<S>& now) {
-    const PoseTrackingOptions<S>& o = options_;
-    if (!additions_.offset_poses || static_cast<S>(now.inliers) >= o.fallen_inliers * usual_inliers_)
-      return false;
-    auto best = solver.save(now);
-    int most = old_matches(from.map, now.frame);
-    const SE3<S> centre = now.frame.T_c_w;
-    const S step = o.aside / solver.placer().pinhole().fx() * depth_of_matches(from.map, now.frame);
-    for (const int y : {-1, 0, 1}) {
-      for (const int x : {-1, 0, 1}) {
-        if (x == 0 && y == 0) continue;
-        solver.matcher().clear(now.frame);
-        now.frame.T_c_w =
-            SE3<S>(SO3<S>(), {static_cast<S>(x) * step, static_cast<S>(y) * step, S(0)}) * centre;
-        if (!refine(from, solver, o.min_inliers, now)) continue;
-        const int old = old_matches(from.map, now.frame);
-        if (static_cast<S>(old) < o.settling_growth * static_cast<S>(most)) continue;
-        best = solver.save(now);
-        most = old;
-      }
-    }
-    solver.restore(from, best, now);
-    return true;
-  }
-
-  /// How many matches of a frame are with points that were seen for a while.
-  template <class Map>
-  [[nodiscard]] int old_matches(const Map& map, const FeatureFrame<S>& frame) const {
-    return static_cast<int>(std::count_if(frame.point.begin(), frame.point.end(), [&](int p) {
-      return p >= 0 && map.point(p).visible >= additions_.young;
-    }));
-  }
-
-  /// Median depth of the points that a frame matches [m]; 0 without any.
-  template <class Map>
-  [[nodiscard]] static S depth_of_matches(const Map& map, const FeatureFrame<S>& frame) {
-    std::vector<S> depths;
-    for (const int p : frame.point) {
-      if (p >= 0) depths.push_back((frame.T_c_w * map.point(p).p_w).z());
-    }
-    if (depths.empty()) return S(0);
-    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
-    std::nth_element(depths.begin(), middle, depths.end());
-    return *middle;
-  }
-
   PoseTrackingOptions<S> options_;
   PoseSearchAdditions additions_;
   std::uint64_t seed_;
-  S usual_inliers_ = S(0);  // of the frames before: the most, less by a share for each frame since
 };
 
 }  // namespace dynslam

@@ -17,10 +17,6 @@ struct PoseTrackingOptions {
   int sure_inliers = 50;       ///< of them: with fewer the local map is matched again from the pose it gave
   int settling_passes = 4;     ///< so often at most,
   S settling_growth = S(1.1);  ///< and again only where the inliers became so many times as many
-  S fallen_inliers =
-      S(0.75);              ///< share of the inliers of before, below which poses aside are tried; 0: never
-  S usual_decay = S(0.9);   ///< what the inliers of a frame count in the next, in that comparison
-  S aside = S(5);           ///< pixels by which what matches is aside from those poses
   int coasting_frames = 3;  ///< lost for fewer: the motion that was is tried before the places
   float near_radius = 12.0F,
         far_radius = 30.0F;  ///< of the search for the last frame's points [px of their level]

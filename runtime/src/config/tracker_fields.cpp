@@ -16,10 +16,7 @@ void list(FieldList& f, TrackerOptions& o) {
     "strict_local_map (matches of the local map that are far off never enter the optimisation), "
     "proven_points (points are made on surfaces alone that have stayed; needs geometric masks; in no mode's "
     "\"auto\"), "
-    "second_look (where the map in view does not tell the pose, the last frame enters it whole), "
-    "image_alignment (where few features lead from the last frame, its grey values are another start), "
-    "look_around (where far fewer points fit than usually, poses beside the one found are tried), "
-    "doubted_points (points of the map that stand where a mover is are doubted; needs geometric masks); "
+    "image_alignment (where few features lead from the last frame, its grey values are another start); "
     "\"auto\": by method and mode");
   f.table("features", o.features);
   f.table("depth_noise", o.depth_noise);
@@ -27,9 +24,6 @@ void list(FieldList& f, TrackerOptions& o) {
   f("semantic_dilation", o.semantic_dilation, "px", "margin added around a-priori masks", between(0, 500));
   f("feature_margin", o.feature_margin, "px", "margin around the fused mask in which features are not used",
     between(0, 500));
-  f("behind_mover", o.behind_mover, "",
-    "share of its distance by which a point of the map may lie behind a mover's surface to be doubted",
-    kShare);
   f("bundle", o.bundle, "", "adjust the newest keyframes and their points (bundle adjustment)");
   f("bundle_delay", o.bundle_delay, "frames",
     "frames after which the adjustment's result is waited for and used", from(1));
@@ -77,14 +71,8 @@ void list(FieldList& f, PoseTrackingOptions<double>& o) {
     "inliers among them with fewer of which the local map is matched again from the pose that it gave",
     kCount);
   f("settling_passes", o.settling_passes, "", "how often at most it is matched then", between(1, 100));
-  f("settling_growth", o.settling_growth, "",
-    "how many times the inliers have to grow for another time, and for another pose to be taken",
+  f("settling_growth", o.settling_growth, "", "how many times the inliers have to grow for another time",
     between(1, 10));
-  f("fallen_inliers", o.fallen_inliers, "",
-    "share of the inliers of the frames before, below which poses beside the one found are tried; 0: never",
-    kShare);
-  f("usual_decay", o.usual_decay, "", "what the inliers of a frame count in the next, in comparison", kShare);
-  f("aside", o.aside, "px", "how far aside the matches are from those poses", kPositive);
   f("coasting_frames", o.coasting_frames, "frames",
     "lost for fewer frames, the camera is first looked for where its motion leads", kCount);
   f("near_radius", o.near_radius, "px",

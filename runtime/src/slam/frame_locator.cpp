@@ -6,13 +6,11 @@
 namespace dynslam::runtime {
 namespace {
 
-PoseSearchAdditions search_additions(const Additions& additions, int young) {
+PoseSearchAdditions search_additions(const Additions& additions) {
   PoseSearchAdditions result;
   result.surface_weights = additions.surface_weights;
   result.motion_prior = additions.motion_prior;
   result.strict_local_map = additions.strict_local_map;
-  result.offset_poses = additions.look_around;
-  result.young = young;
   return result;
 }
 
@@ -50,7 +48,7 @@ FrameLocator::FrameLocator(const TrackerOptions& options, const Additions& addit
     : options_(options.search),
       arbitration_(arbitration_of_starts(options)),
       camera_(camera),
-      search_(options.search, search_additions(additions, options.arbitration.young), options.seed) {}
+      search_(options.search, search_additions(additions), options.seed) {}
 
 bool FrameLocator::locate(LocalMap& map, const LastFrame<double>& last, LastImages& images,
                           PoseSolver& solver, FrameState& now) {

@@ -27,8 +27,6 @@ class FrameLocator {
                            PoseSolver& solver, FrameState& now);
 
   [[nodiscard]] bool strict(const FrameState& now) const { return search_.strict(now.pose); }
-  /// Tells of a frame that was tracked.
-  void accept(const FrameState& now) { search_.accept(now.pose.inliers); }
 
  private:
   PoseSearchOptions options_;

@@ -4,9 +4,8 @@
 namespace dynslam::runtime {
 
 void LastImages::remember(const FrameState& frame, const cv::Mat& moves, bool keep_pyramid) {
-  frame.moving.copyTo(moving_);
   const ImagePyramid& pyramid = frame.image->pyramid;
-  if (align_) view_.remember(pyramid, frame.depth, moves, moving_);
+  if (align_) view_.remember(pyramid, frame.depth, moves, frame.moving);
   if (!keep_pyramid) return;
   cv::Mat own = pyramid_.levels.empty() ? cv::Mat() : pyramid_.levels.front();
   pyramid.levels.front().copyTo(own);  // level 0 may be the caller's

@@ -8,8 +8,8 @@
 
 namespace dynslam::runtime {
 
-/// What is kept of the last frame's images: a small view to align with, what moved in it, and where a
-/// keyframe may still be made of it, its pyramid.
+/// What is kept of the last frame's images: a small view to align with and, where a keyframe may still be
+/// made of it, its pyramid.
 class LastImages {
  public:
   /// @param align  the view is kept at all
@@ -27,10 +27,6 @@ class LastImages {
   }
   [[nodiscard]] LastView& view() { return view_; }
 
-  /// What the geometry found in the depth image, CV_8UC1; empty: nothing is known.
-  [[nodiscard]] const cv::Mat& moving() const { return moving_; }
-  void forget_moving() { moving_.release(); }
-
   /// Empty where it was not kept.
   [[nodiscard]] const ImagePyramid& pyramid() const { return pyramid_; }
   void drop_pyramid() { pyramid_ = {}; }
@@ -38,7 +34,6 @@ class LastImages {
  private:
   LastView view_;
   bool align_;
-  cv::Mat moving_;
   ImagePyramid pyramid_;
 };
 

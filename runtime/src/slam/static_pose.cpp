@@ -40,16 +40,4 @@ void StaticPose::optimise(const Evidence& from, const cv::Mat& static_surfaces, 
   }
 }
 
-void StaticPose::doubt_points(LocalMap& map, PoseSolver& solver, const FrameState& now) const {
-  if (cv::countNonZero(now.moving) == 0) return;
-  const auto moving = interop::view<const std::uint8_t>(std::as_const(now.moving));
-  solver.matcher().unmatched_in_view(
-      map, now.frame().T_c_w, now.frame(), [&](int id, const auto& pixel, double z) {
-        const int u = static_cast<int>(std::lround(pixel.x())), v = static_cast<int>(std::lround(pixel.y()));
-        if (!moving.contains(u, v) || moving(u, v) == 0) return;
-        const double there = static_cast<double>(now.depth(u, v));
-        if (is_valid_depth(there) && z <= there * (1 + options_.behind_mover)) ++map.point(id).on_mover;
-      });
-}
-
 }  // namespace dynslam::runtime

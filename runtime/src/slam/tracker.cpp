@@ -143,7 +143,6 @@ TrackingState Tracker::locate_lost(FrameState& now) {
   if (p.relocaliser.locate(now.evidence(p.map, p.last), p.places, p.solver, now.pose))
     return TrackingState::relocalised;
   const bool located = p.locator.locate(p.map, p.last, p.last_images, p.solver, now) ||
-                       (force_keyframe() && p.locator.locate(p.map, p.last, p.last_images, p.solver, now)) ||
                        p.locator.locate_by_alignment(p.map, p.last, p.last_images, p.solver, now);
   return located ? TrackingState::tracked : TrackingState::lost;
 }
@@ -167,20 +166,6 @@ bool Tracker::rebuild_initial_map(const FrameState& now) {
   return true;
 }
 
-bool Tracker::force_keyframe() {
-  Parts& p = *parts_;
-  if (!p.options.additions->second_look || p.last.lost_frames() > 0 || p.last_images.pyramid().levels.empty())
-    return false;
-  (void)apply_bundle();  // it writes the map
-  Frame& last = p.last.frame();
-  std::fill(last.dynamic.begin(), last.dynamic.end(), std::uint8_t(0));
-  const cv::Mat& moving = p.last_images.moving();
-  if (!moving.empty()) flag(last, widened(moving, p.options.feature_margin), last.dynamic);
-  p.inserter.insert_whole(p.map, p.places, p.last_images.pyramid(), last);
-  p.last_images.drop_pyramid();  // once
-  return true;
-}
-
 void Tracker::lose(FrameState& now) {
   Parts& p = *parts_;
   if (p.recovery.keeps(p.last)) {
@@ -195,7 +180,6 @@ void Tracker::lose(FrameState& now) {
   p.last.release_keyframe();
   p.bundles.start(p.map);
   p.last.lose();
-  p.last_images.forget_moving();
   p.prior_mask.forget_static();
 }
 
@@ -210,7 +194,6 @@ void Tracker::find_dynamic(FrameState& now) {
   now.watch.lap_ms();
   p.static_pose.optimise(now.evidence(p.map, p.last), p.prior_mask.static_surfaces(), *p.motion, p.solver,
                          now);
-  if (p.options.additions->doubted_points) p.static_pose.doubt_points(p.map, p.solver, now);
 }
 
 void Tracker::revise_last(FrameState& now) {
@@ -236,7 +219,6 @@ void Tracker::accept(FrameState& now) {
   Frame& frame = now.frame();
   p.solver.matcher().drop_unmatched(frame);
   for (const int point : frame.point) now.result.matches += point >= 0 ? 1 : 0;
-  p.locator.accept(now);
   p.last.accept(frame.T_c_w, now.input.t);
 }
 
@@ -282,7 +264,7 @@ void Tracker::remember(FrameState& now, const cv::Mat& moves) {
   Parts& p = *parts_;
   p.last.replace(std::move(now.frame()), now.time(), p.solver.placer().rolling_shutter(), p.map.newest(),
                  now.keyframe);
-  p.last_images.remember(now, moves, p.options.additions->second_look || p.sequence.began_at_rest);
+  p.last_images.remember(now, moves, p.sequence.began_at_rest);
 }
 
 SE3<double> Tracker::apply_bundle() {

@@ -42,12 +42,7 @@ struct Additions {
   bool motion_prior = false;      ///< the predicted motion counts in the consensus, too
   bool strict_local_map = false;  ///< matches of the local map that are far off never enter the optimisation
   bool proven_points = false;     ///< points only on surfaces known to have stayed; needs geometric masks
-  bool second_look = false;  ///< where the map in view does not tell the pose, the last frame enters it whole
   bool image_alignment = false;  ///< where few features lead from the last frame, its grey values are a start
-  bool look_around =
-      false;  ///< where far fewer points fit than usually, poses beside the one found are tried
-  bool doubted_points =
-      false;  ///< points of the map that stand where a mover is are doubted; geometric masks
 
   constexpr Additions() = default;  // declared: no aggregate
   [[nodiscard]] static constexpr Additions none() { return {}; }
@@ -61,15 +56,12 @@ struct Addition {
   bool Additions::*on;
 };
 /// All of them.
-inline constexpr std::array<Addition, 8> kAdditions{{
+inline constexpr std::array<Addition, 5> kAdditions{{
     {"surface_weights", &Additions::surface_weights},
     {"motion_prior", &Additions::motion_prior},
     {"strict_local_map", &Additions::strict_local_map},
     {"proven_points", &Additions::proven_points},
-    {"second_look", &Additions::second_look},
     {"image_alignment", &Additions::image_alignment},
-    {"look_around", &Additions::look_around},
-    {"doubted_points", &Additions::doubted_points},
 }};
 
 constexpr Additions Additions::all() {
@@ -95,7 +87,7 @@ static_assert(sizeof(Additions) == kAdditions.size() * sizeof(bool) &&
 [[nodiscard]] constexpr Additions additions(Method method, DynamicsMode mode) {
   if (method == Method::paper || mode == DynamicsMode::none) return Additions::none();
   Additions result = Additions::all();
-  result.proven_points = result.second_look = result.look_around = result.doubted_points = false;
+  result.proven_points = false;
   result.strict_local_map = uses_geometry(mode);
   return result;
 }

@@ -74,9 +74,6 @@ class Tracker {
   /// The first frame was placed as a camera at rest would have seen it. The second tells how it moved: the
   /// map begins anew, the rows where they belong. @return whether it did
   bool rebuild_initial_map(const FrameState& now);
-  /// Makes the last frame a keyframe with points of all that it saw and that was not found moving, proven or
-  /// not, under an a-priori mask or not. @return false: there is no such frame
-  bool force_keyframe();
   void lose(FrameState& now);
   void find_dynamic(FrameState& now);
   void revise_last(FrameState& now);

@@ -47,7 +47,6 @@ struct TrackerOptions {
   CoverageOptions<double> coverage;  ///< when a keyframe of the map serves instead of a new one
   MaskArbitrationOptions<double> arbitration;
   int semantic_dilation = 9;     ///< pixels added around a-priori masks
-  double behind_mover = 0.05;    ///< of its distance: how far behind a mover's surface a point is doubted
   int feature_margin = 6;        ///< pixels around the fused mask in which features are not used
   bool bundle = true;            ///< adjust the newest keyframes and their points
   int bundle_delay = 4;          ///< frames after which the adjustment's result is waited for and used
