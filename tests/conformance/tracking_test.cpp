@@ -34,7 +34,6 @@ TEST_CASE_TEMPLATE("every camera is tracked, found again, and in the frames in b
   REQUIRE(search.locate(
       wall.evidence(tracked), wall.solver, align, [] {}, now));
   CHECK(wall.error(now.frame.T_c_w, tracked) < S(0.01));
-  search.accept(now.inliers);
   FrameRevision<Camera> revision(wall.options);
   CHECK_FALSE(revision.revise(wall.map, wall.last, tracked.time.t, now.frame.T_c_w, wall.solver));
 
