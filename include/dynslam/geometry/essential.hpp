@@ -121,15 +121,16 @@ template <std::same_as<double> W = double>  // of a template nothing is compiled
       for (const auto& E : *candidates) best.challenge(E);
     }
   }
-  best.draw_from_inliers(detail::idle_draws(result.iterations), options.seed, workspace.index);
+  constexpr int kFewest = 20;  // the few samples of five that are needed leave more to be found
+  best.draw_from_inliers(std::max(kFewest, detail::idle_draws(result.iterations)), options.seed,
+                         workspace.index);
   best.finish();
   if (best.inliers() == 0) return result;
   const auto poses = poses_from_essential<W>(best.model());
-  result.E = essential_from_pose(poses[0]);
-  result.E /= result.E.norm();
+  const Eigen::Matrix<W, 3, 3> E = essential_from_pose(poses[0]);
   std::array<int, 4> before{};
   for (std::size_t i = 0; i < n; ++i) {
-    result.inlier[i] = sampson_distance_squared<W>(result.E, x[i], x_m[i]) <= limit ? 1 : 0;
+    result.inlier[i] = sampson_distance_squared<W>(E, x[i], x_m[i]) <= limit ? 1 : 0;
     if (result.inlier[i] == 0) continue;
     ++result.inliers;
     for (std::size_t k = 0; k < 4; ++k)
@@ -137,6 +138,8 @@ template <std::same_as<double> W = double>  // of a template nothing is compiled
   }
   const auto most = std::max_element(before.begin(), before.end());
   result.T_cur_ref = poses[static_cast<std::size_t>(most - before.begin())];
+  result.E = essential_from_pose(result.T_cur_ref);
+  result.E /= result.E.norm();
   if (result.inliers >= options.min_inliers) result.status = EssentialStatus::ok;
   return result;
 }

@@ -196,6 +196,11 @@ template <std::same_as<double> W = double>
     for (std::size_t k = 0; k < i; ++k) basis[i] -= basis[i].cwiseProduct(basis[k]).sum() * basis[k];
     basis[i] /= basis[i].norm();
   }
+  // And turned: of a step along an axis many numbers of E are 0, and it would be at infinity.
+  constexpr std::array<W, 4> kMirror{0.7, -0.1, 0.5, 0.5};  // of norm 1
+  const Matrix3 mirrored =
+      kMirror[0] * basis[0] + kMirror[1] * basis[1] + kMirror[2] * basis[2] + kMirror[3] * basis[3];
+  for (std::size_t i = 0; i < 4; ++i) basis[i] -= 2 * kMirror[i] * mirrored;
   std::array<detail::CubicForm, 10> rows;
   detail::essential_constraints<W>(basis, rows);
   if (!detail::eliminate(rows)) return 0;

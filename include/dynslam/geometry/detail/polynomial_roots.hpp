@@ -63,13 +63,24 @@ template <std::size_t N>
       for (std::size_t k = degree + 1; k-- > 0;) sum = sum * z + p[k];
       return sum;
     };
+    // A double root that rounding lifted off zero: within sqrt(2 value / curvature) of it.
+    const auto touches = [&](double z, double at) {
+      constexpr double kNear = 1e-4;
+      double curvature = 0;
+      for (std::size_t k = degree + 1; k-- > 2;)
+        curvature = curvature * z + static_cast<double>(k * (k - 1)) * p[k];
+      return 2 * std::abs(at) <= kNear * kNear * std::abs(curvature);
+    };
     std::array<double, N - 1> next;
     std::size_t found = 0;
     double low = -1, value_low = value(-1);
     for (std::size_t i = 0; i <= n; ++i) {
       const double high = i < n ? roots[i] : 1.0, value_high = value(high);
-      if ((value_low < 0) != (value_high < 0))
+      if ((value_low < 0) != (value_high < 0)) {
         next[found++] = root_between(p, degree + 1, low, high, value_low);
+      } else if (i < n && degree + 1 == N && touches(high, value_high)) {
+        next[found++] = high;
+      }
       low = high;
       value_low = value_high;
     }
@@ -79,7 +90,7 @@ template <std::size_t N>
   return n;
 }
 
-/// Real roots of a polynomial, the constant first, that change its sign. Those beyond 1 are found as the
+/// Real roots of a polynomial, the constant first. Those beyond 1 are found as the
 /// inverses of those of the polynomial read backwards. @return how many
 template <std::size_t N>
 [[nodiscard]] int polynomial_roots(const std::array<double, N>& polynomial,
