@@ -112,6 +112,7 @@ std::string_view to_string(MaskStorage storage) {
 MaskImage read_mask_image(const EncodedImage& file, bool by_index) {
   cv::Mat image = file.decode(cv::IMREAD_UNCHANGED);
   if (image.type() == CV_16UC1) return {MaskStorage::deep, image, false};
+  if (image.depth() == CV_32F) image = image >= 0.5;  // what a TIFF or an array holds as shares
   constexpr double kTo8 = 1.0 / 257;
   if (image.depth() == CV_16U) image.convertTo(image, CV_8U, kTo8);
   const Palette palette = file.palette();

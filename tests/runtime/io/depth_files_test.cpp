@@ -14,6 +14,7 @@
 #include "dynslam/runtime/io/read_file.hpp"
 #include "error_text.hpp"
 #include "format_fixtures.hpp"
+#include "io/mask_image.hpp"
 
 namespace {
 
@@ -81,6 +82,16 @@ TEST_CASE("an array that is no depth image is one error that says what it holds"
   CHECK(mentions(error("<f4", "(-2, 3)", six), "has the shape"));
   std::ofstream(file, std::ios::binary) << std::string("\x93NUMPY\x01\x00\xFF\xFF", 10);
   CHECK(mentions(error_of_reading(file), "is truncated"));
+}
+
+TEST_CASE("a mask of shares is dynamic from one half on") {
+  const TemporaryFolder folder;
+  const fs::path file = folder.path / "m.npy";
+  write_array(file, "<f4", "False", "(1, 4)", bytes_of({0.F, 0.49F, 0.5F, 1.F}));
+  const cv::Mat values = read_mask_image(EncodedImage(file), false).values;
+  REQUIRE(values.type() == CV_8UC1);
+  CHECK(cv::countNonZero(values) == 2);
+  CHECK(values.at<std::uint8_t>(0, 2) == 255);
 }
 
 TEST_CASE("TIFF and OpenEXR files of floats are what OpenCV wrote, and promise no size beyond reason") {
