@@ -168,10 +168,12 @@ TEST_CASE("of the tuning fields, a run's configuration holds those that differ f
 TEST_CASE("fields of earlier versions have no effect, and a line says so") {
   Configured read;
   const auto notes = read.read(
-      "[tracker.geometry.free_space]\ncarry = 10\ntiming = 0.2\n[tracker.geometry.growing]\nwhole = 0.5\nmax_hole = 9\n");
-  REQUIRE(notes.size() == 2);
+      "[tracker.geometry.free_space]\ncarry = 10\ntiming = 0.2\n[tracker.geometry.growing]\nwhole = 0.5\nmax_hole = 9\n"
+      "[tracker.search]\naside = 5.0\n");
+  REQUIRE(notes.size() == 3);
   CHECK(mentions(notes[0], "c.toml:1: [tracker.geometry.free_space] has no effect any more"));
   CHECK(mentions(notes[1], "c.toml:5: tracker.geometry.growing.whole has no effect any more"));
+  CHECK(mentions(notes[2], "c.toml:8: tracker.search.aside has no effect any more"));
   CHECK(read.options.tracker.geometry.growing.max_hole == 9);
 }
 

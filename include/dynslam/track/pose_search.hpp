@@ -45,9 +45,8 @@ class PoseSearch {
   PoseSearch(const PoseTrackingOptions<S>& options, const PoseSearchAdditions& additions, std::uint64_t seed)
       : options_(options), additions_(additions), seed_(seed) {}
 
-  /// @param align    align(T_now_last predicted) -> ImageAlignmentResult<S>: the motion since the last frame
-  /// by its
-  ///                 grey values
+  /// @param align    align(T_now_last predicted): the motion since the last frame by its grey values, an
+  ///                 ImageAlignmentResult
   /// @param started  started(): called when the last frame's points have been tried
   /// @return whether there is a pose: now.frame.T_c_w
   template <class E, class Align, class Started>

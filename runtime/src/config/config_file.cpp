@@ -24,7 +24,12 @@ struct RemovedField {
 constexpr std::string_view kBelief = "one belief of motion took its place, see [tracker.geometry.belief]";
 constexpr std::string_view kMargin = "masks have a margin instead, see [tracker.geometry] margin";
 constexpr std::string_view kPlanes = "regions enter no floor, wall or table, see [tracker.geometry.belief.supports]";
+constexpr std::string_view kUnmissed = "no sequence was worse without it";
 constexpr std::array kRemoved{
+    RemovedField{"tracker.behind_mover", kUnmissed},
+    RemovedField{"tracker.search.fallen_inliers", kUnmissed},
+    RemovedField{"tracker.search.usual_decay", kUnmissed},
+    RemovedField{"tracker.search.aside", kUnmissed},
     RemovedField{"tracker.geometry.growing.reach", kPlanes},
     RemovedField{"tracker.geometry.regions.rim", kPlanes},
     RemovedField{"tracker.geometry.growing.whole", kBelief},

@@ -105,6 +105,8 @@ Sequence load_stray_scanner(const fs::path& root, const SequenceOptions& options
   const cv::Size stored = VideoImages::stored_size(video), size = handed_out(stored);
   sequence.camera = phone_camera(root / "camera_matrix.csv", stored, size);
   sequence.camera_source = (root / "camera_matrix.csv").string();
+  if (size != stored)
+    sequence.camera_source += fmt::format(", scaled from the video's {}x{}", stored.width, stored.height);
   std::map<std::size_t, fs::path> depth, confidence;
   for (const auto& file : numbered_files(root / "depth", "", kPhoneDepth)) depth[file.number] = file.path;
   for (const auto& file : numbered_files(root / "confidence", "", kPhoneConfidence))
@@ -137,11 +139,7 @@ Sequence load_stray_scanner(const fs::path& root, const SequenceOptions& options
     std::istringstream in(poses);
     return parse_usable_poses(in, odometry.string());
   });
-  sequence.notes.emplace_back("ground truth: the phone's own odometry stands for it");
-  if (size != stored)
-    sequence.notes.push_back(
-        fmt::format("the video's {}x{} are scaled to {}x{}; depth is measured at a lower resolution",
-                    stored.width, stored.height, size.width, size.height));
+  sequence.truth_turned = "ground truth: the phone's own odometry stands for it";
   return sequence;
 }
 
