@@ -17,8 +17,7 @@ void EventJournal::note(const Tracker& tracker, double t, const TrackResult* res
   if (tracker.adjustments() != adjustments_) add(events_.adjusted, AdjustedEvent{t, newest_});
   if (result == nullptr) return;
   note_state(*result, t);
-  // Where the camera was about to be lost the frame before became one, too. Of a place that a keyframe shows
-  // already the map notes the pose alone, as one that is culled.
+  // Of a place that a keyframe shows already the map notes the pose alone, as one that is culled.
   for (int id = newest_ + 1; id <= tracker.map().newest(); ++id) {
     const Keyframe& keyframe = tracker.map().keyframe(id);
     if (!keyframe.culled())
