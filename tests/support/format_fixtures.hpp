@@ -91,8 +91,8 @@ inline std::string matrix_text(const Eigen::Matrix4d& m, const char* between_row
 
 /// As numpy.save() writes it, version 1.0: float32 by rows.
 inline void write_npy(const std::filesystem::path& file, const cv::Mat& values) {
-  std::string head = fmt::format("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, {}), }}", values.rows,
-                                 values.cols);
+  std::string head = fmt::format("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, {}), }}",
+                                 values.rows, values.cols);
   constexpr std::size_t kStart = 10, kBlock = 64;
   head.append(kBlock - (kStart + head.size() + 1) % kBlock, ' ');
   head += '\n';
@@ -295,7 +295,8 @@ struct FormatFixture : TemporaryFolder {
   /// Poses of a body that looks along x with z down.
   void tartanair() {
     view = {640, 480, 320, 320, 320, 240, 5000, 0};
-    for (const char* folder : {"image_left", "depth_left"}) std::filesystem::create_directories(root / folder);
+    for (const char* folder : {"image_left", "depth_left"})
+      std::filesystem::create_directories(root / folder);
     std::ofstream poses(root / "pose_left.txt");
     for (std::size_t i = 0; i < film().size(); ++i) {
       const Shot shot = seen_by(film()[i], view);
@@ -304,7 +305,8 @@ struct FormatFixture : TemporaryFolder {
       const Eigen::Matrix3d R = film()[i].T_w_c.so3().matrix();
       Eigen::Matrix3d R_w_body;  // forward, right, down
       R_w_body << R.col(2), R.col(0), R.col(1);
-      const std::string row = pose_text("0", SE3<double>(Eigen::Quaterniond(R_w_body), film()[i].T_w_c.translation()));
+      const std::string row =
+          pose_text("0", SE3<double>(Eigen::Quaterniond(R_w_body), film()[i].T_w_c.translation()));
       poses << row.substr(2);
     }
   }

@@ -10,6 +10,8 @@
 #include <cstring>
 #include <string_view>
 
+#include "io/byte_marker.hpp"
+
 namespace dynslam::runtime {
 namespace {
 
@@ -18,11 +20,6 @@ using Bytes = std::span<const std::uint8_t>;
 constexpr std::array<std::uint8_t, 6> kNpyStart{0x93, 'N', 'U', 'M', 'P', 'Y'};
 constexpr std::array<std::uint8_t, 4> kLittleTiff{'I', 'I', 42, 0}, kBigTiff{'M', 'M', 0, 42};
 constexpr std::array<std::uint8_t, 4> kExrStart{0x76, 0x2F, 0x31, 0x01};
-
-template <class Start>
-bool starts_with(Bytes bytes, const Start& start) {
-  return bytes.size() >= start.size() && std::equal(start.begin(), start.end(), bytes.begin());
-}
 
 /// An unsigned number of `length` bytes; 0 beyond the end.
 std::uint32_t number_at(Bytes bytes, std::size_t at, std::size_t length, bool big = false) {
@@ -33,7 +30,7 @@ std::uint32_t number_at(Bytes bytes, std::size_t at, std::size_t length, bool bi
   return value;
 }
 
-/// What stands behind 'KEY': in the dictionary at the head of an array; empty: nothing.
+/// The text after 'KEY': in the dictionary at the head of an array; empty: it is not there.
 std::string_view entry(std::string_view head, std::string_view key) {
   const std::string quoted = fmt::format("'{}':", key);
   const std::size_t at = head.find(quoted);

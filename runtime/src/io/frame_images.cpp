@@ -7,6 +7,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
+#include "io/frame_of_images.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -38,7 +39,9 @@ cv::Mat read_image(const FrameRecord& record, Kind kind, cv::Size expected) {
   }
   const EncodedImage image(path_of(record, kind));
   check_size(record, kind, image.size(), expected);
-  return image.decode(kind == Kind::colour ? cv::IMREAD_COLOR : cv::IMREAD_UNCHANGED);
+  if (kind == Kind::colour) return image.decode(cv::IMREAD_COLOR);
+  const cv::Mat depth = image.decode(cv::IMREAD_UNCHANGED);
+  return depth.type() == CV_32FC1 ? checked_metres(depth) : depth;
 }
 
 cv::Size stored_size(const FrameRecord& record, Kind kind) {

@@ -37,6 +37,16 @@ cv::Mat depth_in_metres(const cv::Mat& depth, const CameraConfig& camera) {
   return metres;
 }
 
+cv::Mat checked_metres(cv::Mat metres) {
+  for (int v = 0; v < metres.rows; ++v) {
+    for (int u = 0; u < metres.cols; ++u) {
+      float& z = metres.at<float>(v, u);
+      if (!(z > 0) || !std::isfinite(z)) z = std::numeric_limits<float>::quiet_NaN();
+    }
+  }
+  return metres;
+}
+
 void check_images(const cv::Mat& image, const cv::Mat& depth, double t, const CameraConfig& camera) {
   const std::string name = fmt::format("frame at {} s", t);
   check_size(image, "image", name, camera);

@@ -22,5 +22,7 @@ void check_images(const cv::Mat& image, const cv::Mat& depth, double t, const Ca
 
 /// 16-bit depth in the camera's units as metres, NaN where there is none.
 [[nodiscard]] cv::Mat depth_in_metres(const cv::Mat& depth, const CameraConfig& camera);
+/// Depth as CV_32FC1, in which what is no distance (0, negative, infinite) becomes NaN.
+[[nodiscard]] cv::Mat checked_metres(cv::Mat metres);
 
 }  // namespace dynslam::runtime

@@ -3,12 +3,9 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
 #include <exception>
-#include <limits>
 #include <new>
 #include <opencv2/imgproc.hpp>
-#include <span>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
@@ -18,18 +15,6 @@
 #include "threads/thread_priority.hpp"
 
 namespace dynslam::runtime {
-namespace {
-
-/// Distances of 0 and below and infinite ones become NaN.
-void mark_missing(cv::Mat& metres) {
-  for (int v = 0; v < metres.rows; ++v) {
-    for (float& z : std::span(metres.ptr<float>(v), static_cast<std::size_t>(metres.cols)))
-      if (!(z > 0) || !std::isfinite(z)) z = std::numeric_limits<float>::quiet_NaN();
-  }
-}
-
-}  // namespace
-
 RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const CameraConfig& camera) {
   (void)checked(camera);
   const cv::Size camera_size(camera.width, camera.height);
@@ -60,7 +45,6 @@ RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const Camer
   } else {
     frame.depth = raw;
   }
-  if (floats) mark_missing(frame.depth);
   return frame;
 }
 

@@ -15,6 +15,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
+#include "io/byte_marker.hpp"
 #include "io/depth_files.hpp"
 #include "io/jpeg_check.hpp"
 #include "io/png_decoder.hpp"
@@ -28,11 +29,6 @@ constexpr std::array<std::uint8_t, 2> kJpegStart{0xFF, 0xD8};
 constexpr std::array<std::uint8_t, 2> kJpegEnd{0xFF, 0xD9};
 
 using Bytes = std::span<const std::uint8_t>;
-
-template <class Marker>
-bool starts_with(Bytes bytes, const Marker& marker) {
-  return bytes.size() >= marker.size() && std::equal(marker.begin(), marker.end(), bytes.begin());
-}
 
 /// Cameras and tools may append bytes behind the image, so the marker may stand a little before the end.
 template <class Marker>

@@ -84,6 +84,20 @@ TEST_CASE("an array that is no depth image is one error that says what it holds"
   CHECK(mentions(error_of_reading(file), "is truncated"));
 }
 
+TEST_CASE("a background at infinity, most of the image, does not take depth in metres for millimetres") {
+  const TemporaryFolder folder;
+  const fs::path root = folder.path / "s";
+  for (const char* name : {"color", "depth"}) fs::create_directories(root / name);
+  write_image(root / "color" / "0.png", cv::Mat(64, 64, CV_8UC3, cv::Scalar::all(90)));
+  cv::Mat depth(64, 64, CV_32FC1, cv::Scalar(INFINITY));
+  depth.rowRange(50, 64) = 2;
+  test::write_npy(root / "depth" / "0.npy", depth);
+  const Sequence sequence = load_sequence(root);
+  REQUIRE(sequence.frames.size() == 1);
+  CHECK_FALSE(sequence.frames[0].float_units);
+  CHECK(sequence.notes.empty());
+}
+
 TEST_CASE("a mask of shares is dynamic from one half on") {
   const TemporaryFolder folder;
   const fs::path file = folder.path / "m.npy";

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cmath>
 #include <cstring>
 #include <limits>
 #include <opencv2/imgcodecs.hpp>
@@ -16,6 +15,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
+#include "io/frame_of_images.hpp"
 
 namespace dynslam::runtime::bag {
 namespace {
@@ -84,17 +84,6 @@ cv::Mat raw_image(const ImageMessage& image, const std::string& name) {
     for (std::size_t k = 0; swap && k < row_bytes; k += channel) std::reverse(row + k, row + k + channel);
   }
   return result;
-}
-
-/// A depth image in metres has no negative or infinite one.
-cv::Mat checked_metres(cv::Mat metres) {
-  for (int v = 0; v < metres.rows; ++v) {
-    for (int u = 0; u < metres.cols; ++u) {
-      float& z = metres.at<float>(v, u);
-      if (!(z > 0) || !std::isfinite(z)) z = std::numeric_limits<float>::quiet_NaN();
-    }
-  }
-  return metres;
 }
 
 /// The header before compressed depth: how it was compressed, and the two numbers of inverse depth.

@@ -119,11 +119,13 @@ Sequence load_scannet(const fs::path& root, const SequenceOptions& options) {
   return sequence;
 }
 
-/// TUM's list beside numbered images: its times are seconds, or numbers of frames where the images have no times.
+/// TUM's list beside numbered images: its times are seconds, or numbers of frames where the images have no
+/// times.
 UsablePoses truth_of_numbers(const fs::path& file, bool has_stamps, double rate) {
   UsablePoses truth = read_usable_poses(file);
-  const bool numbers = !has_stamps && std::all_of(truth.poses.begin(), truth.poses.end(),
-                                                  [](const auto& pose) { return pose.t == std::floor(pose.t); });
+  const bool numbers =
+      !has_stamps && std::all_of(truth.poses.begin(), truth.poses.end(),
+                                 [](const auto& pose) { return pose.t == std::floor(pose.t); });
   for (auto& pose : truth.poses) pose.t = numbers ? pose.t / rate : pose.t;
   return truth;
 }

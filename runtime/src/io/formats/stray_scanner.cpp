@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/convert.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
 #include "io/formats/format.hpp"
@@ -48,12 +49,12 @@ CameraConfig phone_camera(const fs::path& file, cv::Size video, cv::Size size) {
       k[3 * row + c] = *value;
     }
   }
-  const double sx = double(size.width) / video.width, sy = double(size.height) / video.height;
   constexpr double kMillimetres = 1000;
-  return pinhole_camera("stray-scanner",
-                        {double(size.width), double(size.height), k[0] * sx, k[4] * sy,
-                         (k[2] + 0.5) * sx - 0.5, (k[5] + 0.5) * sy - 0.5, kMillimetres},
-                        file.string());
+  return scaled_camera(
+      pinhole_camera("stray-scanner",
+                     {double(video.width), double(video.height), k[0], k[4], k[2], k[5], kMillimetres},
+                     file.string()),
+      size);
 }
 
 /// A row of the odometry.
