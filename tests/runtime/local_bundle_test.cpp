@@ -6,6 +6,7 @@
 #include "dynslam/robust/t_distribution.hpp"
 #include "pose_distance.hpp"
 #include "random.hpp"
+#include "row_of_keyframes.hpp"
 
 using namespace dynslam;
 using dynslam::runtime::LocalBundle, dynslam::runtime::LocalBundleOptions, dynslam::runtime::LocalMap;
@@ -15,37 +16,11 @@ namespace {
 const Pinhole<double> kWindowCamera(525, 525, 319.5, 239.5);
 const DepthNoise<double> kNoise{0.004, 0.008};
 
-LocalMap make_map(test::Rng& rng) {
-  LocalMap map;
-  for (int j = 0; j < 200; ++j) {
-    LocalMap::PointType point;
-    point.p_w = {rng.uniform(-1, 1), rng.uniform(-0.8, 0.8), rng.uniform(2, 3)};
-    (void)map.add_point(point);
-  }
-  for (int k = 0; k < 5; ++k) {
-    dynslam::FeatureFrame<double> frame;
-    frame.T_c_w = SE3d(SO3d(), Eigen::Vector3d(0.05 * k, 0, 0));
-    for (int j = 0; j < 200; ++j) {
-      const Eigen::Vector3d p_c = frame.T_c_w * map.point(j).p_w;
-      const auto x = kWindowCamera.project(p_c);
-      if (!x) continue;
-      Feature f;
-      f.x = static_cast<float>(x->x() + rng.normal());
-      f.y = static_cast<float>(x->y() + rng.normal());
-      f.depth = static_cast<float>(p_c.z());
-      frame.features.push_back(f);
-      frame.point.push_back(j);
-    }
-    (void)map.add_keyframe(frame);
-  }
-  return map;
-}
-
 }  // namespace
 
 TEST_CASE("the thread's adjustment is that of the window it was started with, whatever happens meanwhile") {
   test::Rng rng("local bundle");
-  LocalMap map = make_map(rng), expected = map;
+  LocalMap map = test::row_of_keyframes(kWindowCamera, 200, 5, 0.05, rng), expected = map;
   const LocalBundleOptions options;
   LocalBundle bundle(kWindowCamera, options);
   bundle.start(map, kNoise);

@@ -8,6 +8,7 @@
 
 #include "pose_distance.hpp"
 #include "random.hpp"
+#include "row_of_keyframes.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
@@ -16,33 +17,9 @@ namespace {
 
 const Pinhole<double> kScheduleCamera(525, 525, 319.5, 239.5);
 
-/// Keyframes beside each other that see the same points, with noise.
 LocalMap row_of_keyframes(int count) {
   test::Rng rng("bundle schedule");
-  LocalMap map;
-  for (int j = 0; j < 100; ++j) {
-    LocalMap::PointType point;
-    point.p_w = {rng.uniform(-1, 1), rng.uniform(-0.8, 0.8), rng.uniform(2, 3)};
-    (void)map.add_point(point);
-  }
-  for (int k = 0; k < count; ++k) {
-    Frame frame;
-    frame.T_c_w = SE3d(SO3d(), Eigen::Vector3d(0.02 * k, 0, 0));
-    for (int j = 0; j < 100; ++j) {
-      const Eigen::Vector3d p_c = frame.T_c_w * map.point(j).p_w;
-      const auto x = kScheduleCamera.project(p_c);
-      if (!x) continue;
-      Feature f;
-      f.x = static_cast<float>(x->x() + rng.normal());
-      f.y = static_cast<float>(x->y() + rng.normal());
-      f.depth = static_cast<float>(p_c.z());
-      frame.features.push_back(f);
-      frame.point.push_back(j);
-      frame.descriptors.emplace_back();
-    }
-    (void)map.add_keyframe(frame);
-  }
-  return map;
+  return test::row_of_keyframes(kScheduleCamera, 100, count, 0.02, rng);
 }
 
 }  // namespace
