@@ -171,7 +171,7 @@ class MotionSegmenter {
     const SE3<S> T = checked_.host ? T_c_w : checked_.T_c_w;
     if (options_.method == Method::full) belief_.remember(grid_, depth_, t_, depth_pose(T), mask);
     const bool wanted =
-        reference_.empty() || t_ - reference_t_ >= options_.own_reference.max_age || reference_worn();
+        reference_.empty() || t_ - reference_t_ >= options_.own_reference.max_age || reference_stale();
     if (options_.own_reference.use && wanted) take_reference(T);
   }
 
@@ -201,7 +201,7 @@ class MotionSegmenter {
   [[nodiscard]] bool has_reference() const { return !reference_.empty(); }
   /// Whether too little of the reference keyframe was in view or found in the frame last segmented: a new one
   /// tells more, without delay.
-  [[nodiscard]] bool reference_worn() const {
+  [[nodiscard]] bool reference_stale() const {
     const auto size = static_cast<double>(reference_.size());
     return static_cast<double>(motion_.tracked) < options_.reference.min_found * size ||
            static_cast<double>(reference_.in_view()) < options_.reference.min_in_view * size;

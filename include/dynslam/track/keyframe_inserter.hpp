@@ -41,7 +41,7 @@ struct KeyframeInserterOptions {
 template <std::floating_point S>
 struct KeyframeInsertion {
   std::optional<int> keyframe;         ///< its id; empty: one of the map shows the same
-  std::optional<LoopClosing<S>> loop;  ///< closed with it: what hangs on the map follows its D
+  std::optional<LoopClosing<S>> loop;  ///< closed with it: what is stored relative to the map follows its D
 };
 
 /// Makes tracked frames keyframes of the map: decides which, makes their points, and closes loops.
@@ -97,12 +97,10 @@ class KeyframeInserter {
     return result;
   }
 
-  /// Makes a frame a keyframe with points of all its features that are not flagged, and nothing else.
+  /// Makes a frame the first keyframe of an empty map, without its depth image.
   template <class Map, ImagePyramidLike P>
-  void insert_whole(Map& map, PlaceIndex& places, const P& pyramid, Frame& frame) {
-    const bool first = map.keyframes().empty();
-    if (!first) points_.trust_all(frame);
-    tracked_ = first ? make_first_points(map, pyramid, frame) : points_.make(map, pyramid, frame);
+  void begin(Map& map, PlaceIndex& places, const P& pyramid, Frame& frame) {
+    tracked_ = make_first_points(map, pyramid, frame);
     frame.grid.build(frame.features, width_, height_);
     const int id = map.add_keyframe(frame);
     places.add(id, frame);

@@ -10,7 +10,6 @@
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <vector>
 
 #include "dynslam/optim/image_alignment.hpp"
 #include "dynslam/optim/pose_consensus.hpp"
@@ -104,8 +103,11 @@ class PoseSearch {
     if (!best) return false;
     const bool aligned = !now.plain && start_by_alignment(from, solver, align, now) &&
                          refine(from, solver, 2 * o.min_inliers, now) && now.inliers > best->estimate.inliers;
-    if (!aligned) solver.restore(from, *best, now);
-    if (aligned) solver.add_to_readout(from, now);
+    if (aligned) {
+      solver.add_to_readout(from, now);
+    } else {
+      solver.restore(from, *best, now);
+    }
     return true;
   }
 

@@ -17,7 +17,7 @@ struct PoseTrackingOptions {
   int sure_inliers = 50;       ///< of them: with fewer the local map is matched again from the pose it gave
   int settling_passes = 4;     ///< so often at most,
   S settling_growth = S(1.1);  ///< and again only where the inliers became so many times as many
-  int coasting_frames = 3;  ///< lost for fewer: the motion that was is tried before the places
+  int coasting_frames = 3;     ///< lost for fewer: the motion that was is tried before the places
   float near_radius = 12.0F,
         far_radius = 30.0F;  ///< of the search for the last frame's points [px of their level]
   S prior_share = S(0.2);    ///< the predicted motion counts as this share of all matches
@@ -33,8 +33,8 @@ struct PoseTrackingOptions {
   S turn_doubt = S(0.02);
   bool revise = true;  ///< place a frame once more by the motion that the next one tells; rolling shutters
   std::size_t young_frames = 10;  ///< of a map, in which what lies behind is asked, too; 0: never
-  /// Of a pose's matches on what stands before the room, up to which it is not asked: 0.58 of those of a pose
-  /// that goes with a board, 0.16 at most of one that does not.
+  /// Share of a pose's matches on the foreground, up to which the background is not asked: 0.58 of those of a
+  /// pose that follows a board, 0.16 at most of one that does not.
   S foreground_share = S(0.25);
   /// A loss of so many frames at most is gone through once more when the camera is known on both sides of it;
   /// 0: never. Their images are kept meanwhile (2.2 MB each at 640x480).

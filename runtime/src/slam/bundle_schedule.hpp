@@ -34,8 +34,8 @@ class BundleSchedule {
   /// Whether the result is to be used before a frame is tracked.
   [[nodiscard]] bool due(std::size_t frame) const { return frame >= due_; }
   /// Waits for the adjustment that was asked for, and uses it.
-  /// @return the correction D: new T_c_w = old T_c_w D of what hangs on the newest keyframe; empty: there was
-  /// none
+  /// @return the correction D: new T_c_w = old T_c_w D of what is stored relative to the newest keyframe;
+  /// empty: there was none
   std::optional<SE3<double>> apply(LocalMap& map, PlaceIndex& places);
   /// That were used so far.
   [[nodiscard]] std::size_t adjustments() const { return adjustments_; }

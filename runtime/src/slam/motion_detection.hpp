@@ -43,7 +43,7 @@ class MotionDetection {
     return !segmenter_.has_reference() || map.newest() - keyframe_ > options_.reference_distance;
   }
   /// Whether the reference is of no use any more: any frame is to be it.
-  [[nodiscard]] bool reference_stale() const { return segmenter_.reference_worn(); }
+  [[nodiscard]] bool reference_stale() const { return segmenter_.reference_stale(); }
   /// @param placer  by which the frame's features were placed
   /// @param scales  of the pyramid levels on which features are found
   void set_reference(const LocalMap& map, const Frame& frame, const Placer& placer,

@@ -158,7 +158,7 @@ bool Tracker::rebuild_initial_map(const FrameState& now) {
   std::fill(first.point.begin(), first.point.end(), -1);
   p.map = LocalMap();
   p.places = PlaceIndex();
-  p.inserter.insert_whole(p.map, p.places, p.last_images.pyramid(), first);
+  p.inserter.begin(p.map, p.places, p.last_images.pyramid(), first);
   p.last_images.drop_pyramid();
   if (!p.motion) return true;
   p.motion->segmenter().set_rolling_shutter(shutter);  // its images are still the last frame's

@@ -60,8 +60,7 @@ Tracker::Parts::Parts(const CameraConfig& config, const TrackerOptions& given)
                   options.search),
       revision(options.search),
       recovery(options.search),
-      static_pose(
-          {options.arbitration, options.search.min_inliers, options.feature_margin}),
+      static_pose({options.arbitration, options.search.min_inliers, options.feature_margin}),
       inserter(camera.model.pinhole(), camera.model, camera.width, camera.height, inserter_options(options)),
       bundles(camera.model.pinhole(), options.local_bundle, schedule_options(options)) {
   if (uses_geometry(options.dynamics))

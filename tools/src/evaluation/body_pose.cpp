@@ -54,8 +54,8 @@ MeanTurn mean_of(std::vector<Eigen::Quaterniond> turns) {
   return result;
 }
 
-/// From the camera to the ground truth's body; nullopt where a turn of the world, which the alignment of few or straight
-/// positions leaves open, explains the same: the camera did not turn enough.
+/// From the camera to the ground truth's body; nullopt where a turn of the world, which the alignment of few
+/// or straight positions leaves open, explains the same: the camera did not turn enough.
 std::optional<MeanTurn> turn_of_body(std::span<const StampedPose<double>> estimate,
                                      std::span<const StampedPose<double>> groundtruth,
                                      const SE3<double>& T_gt_est) {

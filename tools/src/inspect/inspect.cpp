@@ -122,9 +122,8 @@ void judge_edges(const CameraConfig& camera, SequenceReport& report) {
         std::abs(edges.late), edges.lag > 0 ? "late" : "early",
         rate > 0 ? fmt::format(" ({:.0f} ms)", 1000 * std::abs(edges.late) / rate) : "", std::abs(edges.lag),
         std::abs(edges.lag) > 1 ? "s" : "", edges.lag > 0 ? "before" : "behind", edges.lag_gain,
-        rate > 0
-            ? offset_key(camera.depth_time_offset + report.stamps.delay_median + edges.late / rate)
-            : ""));
+        rate > 0 ? offset_key(camera.depth_time_offset + report.stamps.delay_median + edges.late / rate)
+                 : ""));
   }
   constexpr double kShift = 0.01;  // of the width
   if (std::hypot(edges.shift_x, edges.shift_y) > kShift * camera.width && edges.shift_gain > kGain)
@@ -142,8 +141,8 @@ void judge_stamps(double depth_offset, SequenceReport& report) {
   constexpr double kLate = 0.3, kSteady = 0.1;  // of an interval
   // Where the camera says when depth is taken, it was; and the images themselves say more than their stamps.
   const bool edges_say = report.edges.measured && report.edges.lag != 0;
-  if (report.sequence.has_stamps && depth_offset == 0 && !edges_say && std::abs(s.delay_median) > kLate * interval &&
-      s.delay_spread < kSteady * interval)
+  if (report.sequence.has_stamps && depth_offset == 0 && !edges_say &&
+      std::abs(s.delay_median) > kLate * interval && s.delay_spread < kSteady * interval)
     report.odd.push_back(fmt::format("depth stamps are {:.1f} ms {} those of colour throughout{}",
                                      1000 * std::abs(s.delay_median), s.delay_median > 0 ? "after" : "before",
                                      ": if the images were taken at once" + offset_key(s.delay_median)));
