@@ -324,6 +324,20 @@ TEST_CASE("runs at the same time share a folder of cached masks") {
   }
 }
 
+TEST_CASE("threads may load networks at the same time") {
+  const test::TemporaryFolder folder;
+  test::write_onnx(folder.path / "colours.onnx", test::colour_network());
+  for (int trial = 0; trial < 100; ++trial) {
+    std::vector<std::future<std::size_t>> loads;
+    for (int k = 0; k < 8; ++k) {
+      loads.push_back(std::async(std::launch::async, [&] {
+        return load_engine(folder.path / "colours.onnx", {EngineKind::automatic})->outputs().size();
+      }));
+    }
+    for (auto& load : loads) CHECK(load.get() == 1);
+  }
+}
+
 TEST_CASE("torchvision's Mask R-CNN answers as in torchvision: boxes, scores and masks of a small one") {
   // Made by models/export_maskrcnn.py --tiny, which also wrote what torchvision itself said of this picture.
   const auto data = std::filesystem::path(DYNSLAM_SOURCE) / "tests" / "data";

@@ -8,6 +8,7 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <memory>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -46,15 +47,30 @@ class Stopper {
   std::jthread thread_;  // last: it uses all of the above
 };
 
-/// Has all networks of the process take their memory from one arena of a size.
-void limit_memory(Ort::Env& environment, std::size_t bytes) {
-  constexpr int kAsNeeded = 1, kDefault = -1;  // grow by what is asked for, not by powers of two
-  const auto memory = Ort::MemoryInfo::CreateCpu(OrtArenaAllocator, OrtMemTypeDefault);
-  const Ort::ArenaCfg arena(bytes, kAsNeeded, kDefault, kDefault);
-  try {
-    environment.CreateAndRegisterAllocator(memory, arena);
-  } catch (const Ort::Exception&) {  // an earlier network has done so
+/// ONNX Runtime's environment, with one arena of a size from which all networks of the process take their
+/// memory.
+struct Environment {
+  explicit Environment(std::size_t bytes) {
+    constexpr int kAsNeeded = 1, kDefault = -1;  // grow by what is asked for, not by powers of two
+    const auto memory = Ort::MemoryInfo::CreateCpu(OrtArenaAllocator, OrtMemTypeDefault);
+    const Ort::ArenaCfg arena(bytes, kAsNeeded, kDefault, kDefault);
+    try {
+      ort.CreateAndRegisterAllocator(memory, arena);
+    } catch (const Ort::Exception&) {  // the host program has its own environment, with an arena
+    }
   }
+  Ort::Env ort{ORT_LOGGING_LEVEL_FATAL, "dynslam"};
+};
+
+/// The one of all networks that are loaded; the first sets the size. ONNX Runtime's list of allocators has no
+/// lock: one thread writes it, before any session reads it.
+std::shared_ptr<Environment> shared_environment(std::size_t bytes) {
+  static std::mutex mutex;
+  static std::weak_ptr<Environment> shared;
+  const std::lock_guard lock(mutex);
+  auto environment = shared.lock();
+  if (!environment) shared = environment = std::make_shared<Environment>(bytes);
+  return environment;
 }
 
 /// One line of what ONNX Runtime says: its messages run over many.
@@ -109,10 +125,7 @@ void read(const Ort::Value& value, ONNXTensorElementDataType type, std::size_t c
 class OnnxRuntimeEngine final : public InferenceEngine {
  public:
   OnnxRuntimeEngine(const std::filesystem::path& model, const EngineOptions& own)
-      : file_(model.string()),
-        environment_(ORT_LOGGING_LEVEL_FATAL, "dynslam"),
-        memory_(own.memory),
-        stopper_(own.stop) {
+      : file_(model.string()), memory_(own.memory), stopper_(own.stop) {
     Ort::SessionOptions options;
     options.SetIntraOpNumThreads(std::max(1, own.threads));
     options.SetInterOpNumThreads(1);
@@ -121,8 +134,8 @@ class OnnxRuntimeEngine final : public InferenceEngine {
     options.AddConfigEntry("session.intra_op.allow_spinning", "0");
     options.AddConfigEntry("session.use_env_allocators", "1");
     try {
-      limit_memory(environment_, memory_);
-      session_ = Ort::Session(environment_, model.c_str(), options);
+      environment_ = shared_environment(memory_);
+      session_ = Ort::Session(environment_->ort, model.c_str(), options);
       Ort::AllocatorWithDefaultOptions allocator;
       for (std::size_t i = 0; i < session_.GetInputCount(); ++i) {
         const auto type = session_.GetInputTypeInfo(i);
@@ -197,8 +210,8 @@ class OnnxRuntimeEngine final : public InferenceEngine {
 
  private:
   std::string file_;
-  Ort::Env environment_;
   std::size_t memory_;
+  std::shared_ptr<Environment> environment_;
   Ort::Session session_{nullptr};
   std::vector<TensorInfo> inputs_, outputs_;
   std::vector<Ort::Float16_t> half_;  // the input of a network that takes half precision
