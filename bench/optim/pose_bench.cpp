@@ -2,7 +2,8 @@
 // Poses from 300 known points. Least squares from a guess, on pixels alone (all that solvePnPRefineLM takes)
 // and with depth; robust with 15 % gross outliers; by consensus with 15 and 40 % of them, with a prediction
 // (pose_consensus, until an outlier-free sample was drawn with a probability of 99 %, as OpenCV does it, or
-// all 120 samples) and without (absolute_pose). Each answer is compared with the truth, and an inlier set
+// all 120 samples) and without (absolute_pose, with depth and of pixels alone, which is what OpenCV has).
+// Each answer is compared with the truth, and an inlier set
 // with the true one.
 #include <string>
 #include <vector>
@@ -127,8 +128,8 @@ void ours_consensus(benchmark::State& state, double outliers, double confidence)
   });
 }
 template <class S>
-void ours_absolute(benchmark::State& state, double outliers) {
-  const auto problem = problem_of<S>(outliers, true);
+void ours_absolute(benchmark::State& state, double outliers, bool depth) {
+  const auto problem = problem_of<S>(outliers, depth);
   const auto camera = bench::camera<S>();
   AbsolutePoseWorkspace workspace;
   PoseWorkspace<S> refinement;
@@ -173,7 +174,9 @@ void register_ours() {
     bench::add("pose_consensus_120" + size, name, "dynslam",
                [=](benchmark::State& s) { ours_consensus<S>(s, outliers, 0); });
     bench::add("absolute_pose" + size, name, "dynslam",
-               [=](benchmark::State& s) { ours_absolute<S>(s, outliers); });
+               [=](benchmark::State& s) { ours_absolute<S>(s, outliers, true); });
+    bench::add("absolute_pose_of_pixels" + size, name, "dynslam",
+               [=](benchmark::State& s) { ours_absolute<S>(s, outliers, false); });
   }
 }
 
@@ -194,7 +197,8 @@ const bool registered = [] {
 #ifdef DYNSLAM_BENCH_OPENCV
   bench::add("pose_only/300_pixels", "double", "opencv", [](benchmark::State& s) { refine_lm(s); });
   for (const int percent : {15, 40}) {
-    for (const char* family : {"pose_consensus", "pose_consensus_120", "absolute_pose"}) {
+    for (const char* family :
+         {"pose_consensus", "pose_consensus_120", "absolute_pose", "absolute_pose_of_pixels"}) {
       const std::string what = std::string(family) + "/300_" + std::to_string(percent) + "_percent_wrong";
       const double outliers = 0.01 * percent;
       bench::add(what, "double", "opencv_p3p",

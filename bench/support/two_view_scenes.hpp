@@ -4,10 +4,13 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "dynslam/geometry/epipolar_distance.hpp"
+#include "dynslam/geometry/homography.hpp"
 #include "dynslam/geometry/se3.hpp"
 #include "support/rng.hpp"
 #include "support/scene.hpp"
@@ -17,8 +20,10 @@ namespace dynslam::bench {
 /// Matches of two views, with noise, some of them wrong.
 template <class S>
 struct TwoViewScene {
-  std::vector<Eigen::Matrix<S, 2, 1>> x, x_m;  ///< [px]
-  std::vector<std::uint8_t> right;             ///< 1: not one of the wrong matches
+  std::vector<Eigen::Matrix<S, 2, 1>> x, x_m;     ///< [px]
+  std::vector<Eigen::Vector2d> true_x, true_x_m;  ///< without noise and mistakes
+  std::vector<std::uint8_t> on_plane;             ///< 1: of the plane, where there is one
+  std::vector<std::uint8_t> right;                ///< 1: not one of the wrong matches
 };
 
 enum class SceneKind { room, plane, small_baseline, plane_and_few };
@@ -54,9 +59,28 @@ template <class S>
     if (wrong) x_m = Eigen::Vector2d(random.uniform(0, 640), random.uniform(0, 480));
     scene.x.push_back(x.cast<S>());
     scene.x_m.push_back(x_m.cast<S>());
+    scene.true_x.push_back(x);
+    scene.true_x_m.push_back(*seen);
+    scene.on_plane.push_back(on_plane ? 1 : 0);
     scene.right.push_back(wrong ? 0 : 1);
   }
   return scene;
+}
+
+/// Squared error of a model [px^2], summed over the right matches without noise, and their number: Sampson's
+/// distance of F, or the transfer error of H on the plane.
+template <class S>
+[[nodiscard]] std::pair<double, int> squared_error(const TwoViewScene<S>& scene, const Eigen::Matrix3d& M,
+                                                   bool homography) {
+  double sum = 0;
+  int n = 0;
+  for (std::size_t i = 0; i < scene.right.size(); ++i) {
+    if (scene.right[i] == 0 || (homography && scene.on_plane[i] == 0)) continue;
+    sum += homography ? transfer_distance_squared<double>(M, scene.true_x[i], scene.true_x_m[i])
+                      : sampson_distance_squared<double>(M, scene.true_x[i], scene.true_x_m[i]);
+    ++n;
+  }
+  return {sum, n};
 }
 
 }  // namespace dynslam::bench

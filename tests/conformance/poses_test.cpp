@@ -8,10 +8,12 @@
 #include <span>
 #include <vector>
 
+#include "dynslam/geometry/p3p.hpp"
 #include "dynslam/optim/absolute_pose.hpp"
 #include "dynslam/optim/banded_system.hpp"
 #include "dynslam/optim/pose.hpp"
 #include "dynslam/optim/pose_consensus.hpp"
+#include "dynslam/optim/pose_step.hpp"
 #include "dynslam/optim/rolling_pose.hpp"
 #include "dynslam/optim/surface_weights.hpp"
 #include "dynslam/optim/trajectory_smoothing.hpp"
@@ -93,6 +95,9 @@ void poses(test::Record<double>& out) {
   out.put("absolute_pose.inliers", found.inliers);
   put_pose(out, "absolute_pose", found.T_c_w);
   put_pose(out, "absolute_pose.short", absolute_pose(camera, view).T_c_w);
+  std::vector<PoseObservation<S>> pixels(view.begin(), view.end());
+  for (auto& o : pixels) o.inv_sigma_z2 = S(0);
+  put_pose(out, "absolute_pose.pixels", absolute_pose<S>(camera, pixels).T_c_w);
 }
 
 template <class S>

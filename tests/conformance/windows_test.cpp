@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Windows and two views.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -9,9 +10,17 @@
 
 #include "dynslam/detail/wide_vectors.hpp"
 #include "dynslam/dynamics/residual_batch.hpp"
+#include "dynslam/geometry/detail/best_model.hpp"
+#include "dynslam/geometry/detail/epipolar_null_space.hpp"
+#include "dynslam/geometry/detail/epipolar_step.hpp"
 #include "dynslam/geometry/detail/normalised_matches.hpp"
+#include "dynslam/geometry/detail/plane_of_inliers.hpp"
+#include "dynslam/geometry/detail/polynomial_roots.hpp"
+#include "dynslam/geometry/detail/ray_search.hpp"
 #include "dynslam/geometry/epipolar.hpp"
 #include "dynslam/geometry/epipolar_rows.hpp"
+#include "dynslam/geometry/essential.hpp"
+#include "dynslam/geometry/five_point.hpp"
 #include "dynslam/geometry/fundamental_search.hpp"
 #include "dynslam/geometry/hartley.hpp"
 #include "dynslam/geometry/homography.hpp"
@@ -121,6 +130,16 @@ void two_views(test::Record<double>& out) {
   const RansacOptions<double> of_rays{.max_iterations = 50};
   out.put("fundamental_ransac.rays", fundamental_ransac(r, r_m, of_rays, ransac).inliers);
   out.put("homography_ransac.rays", homography_ransac(s, s_m, of_rays, ransac).inliers);
+  out.put("essential_ransac.rays", essential_ransac(r, r_m, of_rays, ransac).inliers);
+  EssentialWorkspace essential;
+  const auto E = essential_ransac(camera, x, x_m, limits, essential);
+  out.put("essential_ransac", E.inliers);
+  out.put("essential_ransac.short", essential_ransac(camera, x, x_m).inliers);
+  const Eigen::Matrix<S, 3, 3> of_pose = essential_from_pose(T);
+  double nearest = 10;
+  for (const SE3<S>& pose : poses_from_essential<S>(of_pose))
+    nearest = std::min(nearest, static_cast<double>((pose.so3() * T.so3().inverse()).log().norm()));
+  out.put("poses_from_essential", nearest < 1e-3);
 }
 
 template <class Camera>

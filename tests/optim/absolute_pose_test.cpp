@@ -67,14 +67,62 @@ TEST_CASE_TEMPLATE("fewer samples do where most matches are right", S, float, do
   CHECK(found.hypotheses < 40);
 }
 
-TEST_CASE_TEMPLATE("nothing is claimed without three measured points", S, float, double) {
+TEST_CASE_TEMPLATE("pixels alone give the pose, among seven wrong matches in ten", S, float, double) {
+  test::Rng rng("absolute pose of pixels");
+  AbsolutePoseWorkspace ws;
+  AbsolutePoseOptions<S> options;
+  options.hypotheses = 1000;
+  for (int trial = 0; trial < 20; ++trial) {
+    SE3d::Vector6 xi;
+    for (int i = 0; i < 6; ++i) xi(i) = rng.uniform(-1.5, 1.5);
+    const SE3d truth = SE3d::exp(xi);
+    auto all = matches<S>(rng, truth, 60, 140, false);
+    // A few with depth, all in one corner, do not keep the others from being sampled.
+    if (trial % 2 == 1) {
+      for (std::size_t k = 0; k < 4; ++k) {
+        all[k].depth = (truth.cast<S>() * all[k].p_w).z();
+        all[k].inv_sigma_z2 = S(100);
+      }
+    }
+    const auto found = absolute_pose<S>(test::kFreiburg3.cast<S>(), all, options, ws);
+    REQUIRE(found.ok());
+    CHECK(found.inliers >= 55);
+    const SE3d error = found.T_c_w.template cast<double>() * truth.inverse();
+    CHECK(error.translation().norm() < 0.03);
+    CHECK(error.so3().log().norm() < 0.01);
+    options.seed += 1;
+  }
+}
+
+TEST_CASE("a refined pose has the error of least squares, with depth and without") {
+  test::Rng rng("absolute pose refined");
+  AbsolutePoseWorkspace ws;
+  for (const bool depth : {true, false}) {
+    double refined = 0, sampled = 0;
+    for (int trial = 0; trial < 30; ++trial) {
+      const auto all = matches<double>(rng, SE3d(), 200, 100, depth);
+      AbsolutePoseOptions<double> options;
+      refined += absolute_pose<double>(test::kFreiburg3, all, options, ws).T_c_w.log().norm() / 30;
+      options.refinements = 0;
+      sampled += absolute_pose<double>(test::kFreiburg3, all, options, ws).T_c_w.log().norm() / 30;
+    }
+    CAPTURE(depth);
+    CHECK(refined < 0.004);
+    CHECK(refined < 0.5 * sampled);
+  }
+}
+
+TEST_CASE_TEMPLATE("nothing is claimed without three points", S, float, double) {
   test::Rng rng("absolute pose nothing");
   AbsolutePoseWorkspace ws;
-  CHECK_FALSE(
-      absolute_pose<S>(test::kFreiburg3.cast<S>(), matches<S>(rng, SE3d(), 50, 0, false), {}, ws).ok());
-  CHECK_FALSE(absolute_pose<S>(test::kFreiburg3.cast<S>(), matches<S>(rng, SE3d(), 2, 0), {}, ws).ok());
-  CHECK(absolute_pose<S>(test::kFreiburg3.cast<S>(), matches<S>(rng, SE3d(), 2, 0)).status ==
-        AbsolutePoseStatus::too_few_observations);
-  // A hundred wrong matches agree on next to nothing.
-  CHECK(absolute_pose<S>(test::kFreiburg3.cast<S>(), matches<S>(rng, SE3d(), 0, 100), {}, ws).inliers < 10);
+  for (const bool depth : {true, false}) {
+    CHECK_FALSE(
+        absolute_pose<S>(test::kFreiburg3.cast<S>(), matches<S>(rng, SE3d(), 2, 0, depth), {}, ws).ok());
+    CHECK(absolute_pose<S>(test::kFreiburg3.cast<S>(), matches<S>(rng, SE3d(), 2, 0, depth)).status ==
+          AbsolutePoseStatus::too_few_observations);
+    // A hundred wrong matches agree on next to nothing.
+    CHECK(
+        absolute_pose<S>(test::kFreiburg3.cast<S>(), matches<S>(rng, SE3d(), 0, 100, depth), {}, ws).inliers <
+        12);
+  }
 }

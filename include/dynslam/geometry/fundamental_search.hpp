@@ -5,15 +5,22 @@
 
 #include <Eigen/Core>
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
+#include <span>
+#include <tuple>
 #include <vector>
 
+#include "dynslam/geometry/detail/best_model.hpp"
+#include "dynslam/geometry/detail/epipolar_step.hpp"
 #include "dynslam/geometry/detail/normalised_matches.hpp"
+#include "dynslam/geometry/detail/plane_of_inliers.hpp"
 #include "dynslam/geometry/epipolar_distance.hpp"
 #include "dynslam/geometry/homography.hpp"
 #include "dynslam/geometry/minimal_models.hpp"
@@ -21,20 +28,6 @@
 #include "dynslam/robust/consensus.hpp"
 
 namespace dynslam::detail {
-
-/// Without the direction that it maps to the least: the eigenvector of F^T F with the smallest eigenvalue.
-template <std::same_as<double> W>
-[[nodiscard]] std::optional<Eigen::Matrix<W, 3, 3>> nearest_of_rank_two(const Eigen::Matrix<W, 3, 3>& m) {
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix<W, 3, 3>> eigen;
-  eigen.computeDirect(m.transpose() * m);
-  const Eigen::Matrix<W, 3, 1> null = eigen.eigenvectors().col(0), m_null = product<W>(m, null);
-  Eigen::Matrix<W, 3, 3> rank2;
-  for (int c = 0; c < 3; ++c) {
-    for (int r = 0; r < 3; ++r) rank2(r, c) = m(r, c) - m_null[r] * null[c];
-  }
-  rank2 /= rank2.norm();
-  return rank2.allFinite() ? std::optional<Eigen::Matrix<W, 3, 3>>(rank2) : std::nullopt;
-}
 
 /// Sampson's distance in matches' normalised coordinates as F changes, for fundamental_ransac.
 template <std::same_as<double> W>  // of a template nothing is compiled where it is not used
@@ -63,7 +56,7 @@ class FundamentalSearch {
     const float inverse = static_cast<float>(1 / limit_);
     return matches_.sum(beaten, [=](float x, float y, float x_m, float y_m) {
       const auto [e2, g] = distance(x, y, x_m, y_m);
-      return inlier_worth(e2 * inverse / (g + 1e-30F));
+      return inlier_worth(e2 * inverse / (g + 1e-12F));
     });
   }
   /// Matches within the limit.
@@ -76,55 +69,49 @@ class FundamentalSearch {
     }));
   }
 
+  [[nodiscard]] std::size_t size() const { return matches_.size(); }
   [[nodiscard]] bool near(const Eigen::Matrix<W, 3, 3>& F, std::size_t i) const {
     const Eigen::Vector3d p = matches_.first(i), q = matches_.second(i);
     return sampson_distance_squared<W>(F, {p[0], p[1]}, {q[0], q[1]}) <= limit_;
   }
 
-  /// Least squares of Sampson's distances of the inliers of F: the eight-point equations, each weighed by its
-  /// gradient at F, then the nearest matrix of rank 2.
-  [[nodiscard]] std::optional<Eigen::Matrix<W, 3, 3>> refit(const Eigen::Matrix<W, 3, 3>& F, double wide) {
-    const std::size_t n = matches_.size();
-    const double f00 = F(0, 0), f01 = F(0, 1), f02 = F(0, 2), f10 = F(1, 0), f11 = F(1, 1), f12 = F(1, 2),
-                 f20 = F(2, 0), f21 = F(2, 1), f22 = F(2, 2), far = wide * limit_;
-    const double *x = matches_.fine(0), *y = matches_.fine(1), *x_m = matches_.fine(2),
-                 *y_m = matches_.fine(3);
-    weights_.resize(6 * n);
-    double *w = weights_.data(), *w_x = w + n, *w_y = w_x + n, *w_xy = w_y + n, *w_xx = w_xy + n,
-           *w_yy = w_xx + n;
-    for (std::size_t i = 0; i < n; ++i) {
-      const double a = f00 * x[i] + f01 * y[i] + f02, b = f10 * x[i] + f11 * y[i] + f12;
-      const double e = a * x_m[i] + b * y_m[i] + (f20 * x[i] + f21 * y[i] + f22);
-      const double c = f00 * x_m[i] + f10 * y_m[i] + f20, d = f01 * x_m[i] + f11 * y_m[i] + f21;
-      const double gradient = a * a + b * b + c * c + d * d;
-      w[i] = e * e <= far * gradient && gradient > 0 ? 1 / gradient : 0.0;
-      w_x[i] = w[i] * x_m[i];
-      w_y[i] = w[i] * y_m[i];
-      w_xy[i] = w_x[i] * y_m[i];
-      w_xx[i] = w_x[i] * x_m[i];
-      w_yy[i] = w_y[i] * y_m[i];
+  /// A step of Gauss-Newton's towards the least squares of Sampson's distances, robust (Tukey's biweight).
+  /// @tparam T     of the sums
+  /// @param which  FirstMatches or ListedMatches
+  /// @param wide   of the squared threshold, from where a match counts nothing
+  template <std::floating_point T, class Which>
+  [[nodiscard]] std::optional<Eigen::Matrix<W, 3, 3>> step(const Eigen::Matrix<W, 3, 3>& F,
+                                                           const Which& which, double wide) {
+    const Eigen::Matrix<T, 3, 3> f = F.template cast<T>();
+    const T f00 = f(0, 0), f01 = f(0, 1), f02 = f(0, 2), f10 = f(1, 0), f11 = f(1, 1), f12 = f(1, 2),
+            f20 = f(2, 0), f21 = f(2, 1), f22 = f(2, 2);
+    auto& equations = std::get<SampsonEquations<T>>(equations_);
+    auto& m = equations.block();
+    const T *row_x = matches_.row<T>(0), *row_y = matches_.row<T>(1), *row_x_m = matches_.row<T>(2),
+            *row_y_m = matches_.row<T>(3);
+    equations.set_zero();
+    for (std::size_t begin = 0; begin < which.size(); begin += kMatchBlock) {
+      for (std::size_t i = 0; i < kMatchBlock; ++i) {
+        const std::size_t k = which(begin + i);
+        const T x = row_x[k], y = row_y[k], x_m = row_x_m[k], y_m = row_y_m[k];
+        const T a = f00 * x + f01 * y + f02, b = f10 * x + f11 * y + f12;
+        const T c = f00 * x_m + f10 * y_m + f20, d = f01 * x_m + f11 * y_m + f21;
+        m.p[0][i] = x, m.p[1][i] = y, m.p[2][i] = T(1);
+        m.q[0][i] = x_m, m.q[1][i] = y_m, m.q[2][i] = T(1);
+        m.h[0][i] = a, m.h[1][i] = b, m.h[2][i] = T(0);
+        m.k[0][i] = c, m.k[1][i] = d, m.k[2][i] = T(0);
+        m.e[i] = a * x_m + b * y_m + (f20 * x + f21 * y + f22);
+        m.g[i] = a * a + b * b + c * c + d * d;
+      }
+      equations.add(std::min(kMatchBlock, which.size() - begin), static_cast<T>(wide * limit_));
     }
-    Eigen::Matrix<W, 9, 9> A;
-    const auto fill = [&](Eigen::Index i, Eigen::Index j, const double* weights) {
-      const Eigen::Matrix<W, 3, 3> m = matches_.moments(weights);
-      put_block(A, i, j, m);
-      put_block(A, j, i, m);
-    };
-    fill(2, 2, w);
-    fill(0, 2, w_x);
-    fill(1, 2, w_y);
-    fill(0, 1, w_xy);
-    fill(0, 0, w_xx);
-    fill(1, 1, w_yy);
-    const auto f = smallest_eigenvector(A, as_vector(F));
-    if (!f) return std::nullopt;
-    return nearest_of_rank_two<W>(as_matrix(*f));
+    return RankTwoStep::from<W>(F, equations);
   }
 
  private:
   const NormalisedMatches& matches_;
   double limit_;
-  std::vector<double> weights_;
+  std::tuple<SampsonEquations<float>, SampsonEquations<double>> equations_;
 };
 
 /// Where most inliers of F are on a plane its sample mostly was, too, and any F of that plane's pencil was
@@ -135,42 +122,35 @@ class FundamentalSearch {
 template <class Matches, class Search, class PlaneSearch, std::same_as<double> W = double>
 void leave_plane(const Matches& matches, std::uint64_t seed, const Search& fundamental, PlaneSearch& planes,
                  BestModel<Search>& best, std::vector<int>& index) {
-  constexpr int kPlanes = 20, kPairs = 50;
-  const auto list = [&](const auto& belongs) {
-    index.clear();
-    for (std::size_t i = 0; i < matches.size(); ++i) {
-      if (belongs(i)) index.push_back(static_cast<int>(i));
-    }
-  };
+  constexpr int kPairs = 500;
+  constexpr double kOff = 4, kConfidence = 0.99;  // squared thresholds off H that noise hardly explains
   SplitMix64 random(seed);
-  const auto draw = [&](auto& sample) {
-    draw_distinct(random, index.size(), sample);
-    for (std::size_t& k : sample) k = static_cast<std::size_t>(index[k]);
-  };
-  BestModel plane(planes, 3);
-  list([&](std::size_t i) { return fundamental.near(best.model(), i); });
-  if (index.size() < 8) return;
-  for (int k = 0; k < kPlanes && 10 * plane.inliers() < 9 * best.inliers(); ++k) {
-    std::array<std::size_t, 4> sample{};
-    draw(sample);
-    Eigen::Matrix<W, 3, 4> p, q;
-    for (std::size_t j = 0; j < 4; ++j) matches.copy_points(sample[j], p.data() + 3 * j, q.data() + 3 * j);
-    if (const auto H = homography_four_point(p, q)) plane.consider(*H, 4);
+  const auto plane = plane_of_inliers(matches, random, fundamental, planes, best, index);
+  if (!plane) return;
+  const Eigen::Matrix<W, 3, 3>& H = *plane;
+  index.clear();
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    if (!planes.near(H, i, kOff)) index.push_back(static_cast<int>(i));
   }
-  if (2 * plane.inliers() < best.inliers()) return;
-  const Eigen::Matrix<W, 3, 3> H = plane.model();
-  list([&](std::size_t i) { return !planes.near(H, i); });
   if (index.size() < 2) return;
-  for (int k = 0; k < kPairs; ++k) {
+  const auto off_plane_share = [&] {
+    const auto agrees = [&](int i) { return fundamental.near(best.model(), static_cast<std::size_t>(i)); };
+    return static_cast<double>(std::count_if(index.begin(), index.end(), agrees)) /
+           static_cast<double>(index.size());
+  };
+  int needed = samples_needed<2>(off_plane_share(), kConfidence, kPairs);
+  for (int k = 0; k < needed; ++k) {
     std::array<std::size_t, 2> pair{};
-    draw(pair);
-    const auto line = [&](std::size_t i) {
+    draw_distinct(random, index.size(), pair);
+    const auto line = [&](std::size_t j) {
+      const auto i = static_cast<std::size_t>(index[j]);
       return Eigen::Matrix<W, 3, 1>(product<W>(H, matches.first(i)).cross(matches.second(i)));
     };
     const Eigen::Matrix<W, 3, 1> e = line(pair[0]).cross(line(pair[1]));
     const Eigen::Matrix<W, 3, 3> F = product<W>(SO3<W>::hat(e), H);
     const W norm = F.norm();
-    if (norm > 0 && std::isfinite(norm)) best.consider(F / norm, 7);
+    if (norm > 0 && std::isfinite(norm) && best.consider(F / norm, 7))
+      needed = std::min(needed, samples_needed<2>(off_plane_share(), kConfidence, kPairs));
   }
 }
 
@@ -188,6 +168,8 @@ int sample_fundamentals(const Matches& matches, const RansacOptions<S>& options,
         for (int k = 0; k < hypotheses; ++k) consider(F[static_cast<std::size_t>(k)]);
       });
   leave_plane(matches, options.seed, search, planes, best, index);
+  best.draw_from_inliers(idle_draws(iterations), options.seed, index);
+  best.finish();
   return iterations;
 }
 

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "dynslam/concepts/scalar.hpp"
+#include "dynslam/geometry/detail/best_model.hpp"
 #include "dynslam/geometry/detail/normalised_matches.hpp"
 #include "dynslam/geometry/hartley.hpp"
 #include "dynslam/geometry/minimal_models.hpp"
@@ -108,6 +109,10 @@ template <std::floating_point S>
 }
 
 namespace detail {
+/// A transfer error has two components, and noise in both: for the same noise its square is this many times
+/// Sampson's beyond which a match counts nothing.
+inline constexpr double kTransferReach = 3;
+
 /// Transfer errors in matches' normalised coordinates as H changes, for homography_ransac.
 template <std::same_as<double> W>  // of a template nothing is compiled where it is not used
 class HomographySearch {
@@ -131,12 +136,12 @@ class HomographySearch {
   /// Sum of inlier_worth, d^2 being |H x - x_m|^2, over the matches with H x in front.
   [[nodiscard]] float score(const Eigen::Matrix<W, 3, 3>& H, float beaten) const {
     const auto distance = transfer_error(H);
-    const float inverse = static_cast<float>(1 / limit_);
+    const float inverse = static_cast<float>(1 / (kTransferReach * limit_));
     return matches_.sum(beaten, [=](float x, float y, float x_m, float y_m) {
       const auto [d2, z] = distance(x, y, x_m, y_m);
       // Nothing behind. Of a choice, g++ makes branches here and no vectors.
       const float in_front = 0.5F * (z + std::abs(z));
-      return inlier_worth(d2 * inverse / (in_front * in_front + 1e-30F));
+      return inlier_worth(d2 * inverse / (in_front * in_front + 1e-12F));
     });
   }
   /// Matches within the limit.
@@ -149,17 +154,22 @@ class HomographySearch {
     }));
   }
 
-  [[nodiscard]] bool near(const Eigen::Matrix<W, 3, 3>& H, std::size_t i) const {
+  [[nodiscard]] std::size_t size() const { return matches_.size(); }
+  [[nodiscard]] bool near(const Eigen::Matrix<W, 3, 3>& H, std::size_t i, double wide = 1) const {
     const Eigen::Vector3d p = matches_.first(i), q = matches_.second(i);
-    return transfer_distance_squared<W>(H, {p[0], p[1]}, {q[0], q[1]}) <= limit_;
+    return transfer_distance_squared<W>(H, {p[0], p[1]}, {q[0], q[1]}) <= wide * limit_;
   }
 
-  /// Least squares of the inliers' transfer errors: the equations of the direct linear transform, each pair
-  /// divided by the depth H x has.
-  [[nodiscard]] std::optional<Eigen::Matrix<W, 3, 3>> refit(const Eigen::Matrix<W, 3, 3>& H, double wide) {
-    const std::size_t n = matches_.size();
+  /// Least squares of the transfer errors, robust (Tukey's biweight): the equations of the direct linear
+  /// transform, each pair divided by the depth H x has.
+  /// @param first  matches
+  /// @param wide   of the squared threshold, from where a match counts nothing
+  template <std::floating_point T>
+  [[nodiscard]] std::optional<Eigen::Matrix<W, 3, 3>> step(const Eigen::Matrix<W, 3, 3>& H,
+                                                           const FirstMatches& first, double wide) {
+    const std::size_t n = first.size();
     const double h00 = H(0, 0), h01 = H(0, 1), h02 = H(0, 2), h10 = H(1, 0), h11 = H(1, 1), h12 = H(1, 2),
-                 h20 = H(2, 0), h21 = H(2, 1), h22 = H(2, 2), far = wide * limit_;
+                 h20 = H(2, 0), h21 = H(2, 1), h22 = H(2, 2), far = wide * kTransferReach * limit_;
     const double *x = matches_.fine(0), *y = matches_.fine(1), *x_m = matches_.fine(2),
                  *y_m = matches_.fine(3);
     weights_.resize(4 * n);
@@ -168,21 +178,22 @@ class HomographySearch {
       const double z = h20 * x[i] + h21 * y[i] + h22, z2 = z * z;
       const double du = h00 * x[i] + h01 * y[i] + h02 - z * x_m[i],
                    dv = h10 * x[i] + h11 * y[i] + h12 - z * y_m[i];
-      w[i] = du * du + dv * dv <= far * z2 && z > 0 ? 1 / z2 : 0.0;
+      const double left = 1 - (du * du + dv * dv) / (far * z2);
+      w[i] = left > 0 && z > 0 ? left * left / z2 : 0.0;
       minus_w_x[i] = -(w[i] * x_m[i]);
       minus_w_y[i] = -(w[i] * y_m[i]);
       w_square[i] = w[i] * (x_m[i] * x_m[i] + y_m[i] * y_m[i]);
     }
     Eigen::Matrix<W, 9, 9> A = Eigen::Matrix<W, 9, 9>::Zero();
-    const Eigen::Matrix<W, 3, 3> of_w = matches_.moments(w), of_x = matches_.moments(minus_w_x),
-                                 of_y = matches_.moments(minus_w_y);
+    const Eigen::Matrix<W, 3, 3> of_w = matches_.moments(n, w), of_x = matches_.moments(n, minus_w_x),
+                                 of_y = matches_.moments(n, minus_w_y);
     put_block(A, 0, 0, of_w);
     put_block(A, 1, 1, of_w);
     put_block(A, 0, 2, of_x);
     put_block(A, 2, 0, of_x);
     put_block(A, 1, 2, of_y);
     put_block(A, 2, 1, of_y);
-    put_block(A, 2, 2, matches_.moments(w_square));
+    put_block(A, 2, 2, matches_.moments(n, w_square));
     const auto h = smallest_eigenvector(A, as_vector(H));
     if (!h) return std::nullopt;
     return as_matrix(*h);
@@ -230,6 +241,7 @@ template <std::floating_point S>
   detail::HomographySearch<double> search(matches, threshold * threshold);
   detail::BestModel best(search, options.refinements);
   result.iterations = detail::sample_homographies(matches, options, best);
+  best.finish();
   if (best.inliers() == 0) return result;
   Eigen::Matrix3d H =
       detail::product<double>(detail::product<double>(matches.T_m_inverse(), best.model()), matches.T());

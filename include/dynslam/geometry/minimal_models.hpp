@@ -15,6 +15,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "dynslam/geometry/detail/epipolar_null_space.hpp"
 #include "dynslam/geometry/so3.hpp"
 
 // Of double alone, and templates all the same: who includes them and does not call them waits for no
@@ -94,52 +95,10 @@ template <std::same_as<double> W = double>
 [[nodiscard]] int fundamental_seven_point(const std::type_identity_t<Eigen::Matrix<W, 3, 7>>& p,
                                           const std::type_identity_t<Eigen::Matrix<W, 3, 7>>& q,
                                           std::array<std::type_identity_t<Eigen::Matrix<W, 3, 3>>, 3>& F) {
-  // A^T, a match per column. Its rows are sorted by pivots: each match takes the unknown that it says most
-  // of, so that none is assumed to be independent of the others (of rectified views, two are the same).
-  std::array<std::array<double, 7>, 9> A;
-  std::array<std::size_t, 9> unknown{};
-  for (std::size_t i = 0; i < 9; ++i) {
-    unknown[i] = i;
-    for (std::size_t k = 0; k < 7; ++k)
-      A[i][k] = q(static_cast<Eigen::Index>(i / 3), static_cast<Eigen::Index>(k)) *
-                p(static_cast<Eigen::Index>(i % 3), static_cast<Eigen::Index>(k));
-  }
-  for (std::size_t c = 0; c < 7; ++c) {  // A^T = P^T L U; the multipliers, none above 1, are L
-    std::size_t pivot = c;
-    for (std::size_t r = c + 1; r < 9; ++r) {
-      if (std::abs(A[r][c]) > std::abs(A[pivot][c])) pivot = r;
-    }
-    if (!(std::abs(A[pivot][c]) > 1e-10)) return 0;
-    if (pivot != c) {
-      std::swap(A[pivot], A[c]);
-      std::swap(unknown[pivot], unknown[c]);
-    }
-    const double inverse = 1 / A[c][c];
-    for (std::size_t r = c + 1; r < 9; ++r) {
-      A[r][c] *= inverse;
-      for (std::size_t i = c + 1; i < 7; ++i) A[r][i] -= A[r][c] * A[c][i];
-    }
-  }
-  // A f = 0 is L^T f = 0: two solutions, the last two unknowns being (1, 0) and (0, 1).
   using Matrix3 = Eigen::Matrix<W, 3, 3>;
-  Matrix3 G, H;
-  std::array<std::array<double, 9>, 2> f{};
-  f[0][7] = f[1][8] = 1;
-  for (std::size_t c = 7; c-- > 0;) {
-    double x = A[7][c], y = A[8][c];
-    for (std::size_t r = c + 1; r < 7; ++r) {
-      x += A[r][c] * f[0][r];
-      y += A[r][c] * f[1][r];
-    }
-    f[0][c] = -x;
-    f[1][c] = -y;
-  }
-  for (std::size_t i = 0; i < 9; ++i) {
-    const auto row = static_cast<Eigen::Index>(unknown[i] / 3),
-               column = static_cast<Eigen::Index>(unknown[i] % 3);
-    G(row, column) = f[0][i];
-    H(row, column) = f[1][i];
-  }
+  std::array<Matrix3, 2> pencil;
+  if (!detail::epipolar_null_space<7>(p, q, pencil)) return 0;
+  Matrix3 &G = pencil[0], &H = pencil[1];
   G /= G.norm();
   H /= H.norm();
   return detail::singular_of_pencil<W>(G, H, F);

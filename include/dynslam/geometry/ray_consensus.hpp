@@ -12,6 +12,7 @@
 #include <span>
 #include <type_traits>
 
+#include "dynslam/geometry/detail/ray_search.hpp"
 #include "dynslam/geometry/epipolar.hpp"
 #include "dynslam/geometry/fundamental_search.hpp"
 #include "dynslam/geometry/homography.hpp"
@@ -38,6 +39,7 @@ template <std::same_as<double> W = double>  // of a template nothing is compiled
   detail::RayHomographySearch<double> search(matches, limit);
   detail::BestModel best(search, options.refinements);
   result.iterations = detail::sample_homographies(matches, options, best);
+  best.finish();
   if (best.inliers() == 0) return result;
   const Eigen::Matrix3d T_m_inverse = matches.T_m().inverse();
   result.model = detail::product<double>(detail::product<double>(T_m_inverse, best.model()), matches.T());

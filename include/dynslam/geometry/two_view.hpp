@@ -65,12 +65,6 @@ struct TwoViewWorkspace {
 
 namespace detail {
 
-template <Scalar S>
-[[nodiscard]] PixelRay<double> ray_in_double(const PixelRay<S>& ray) {
-  return {ray.ray.template cast<double>(), ray.J.template cast<double>(),
-          ray.per_pixel.template cast<double>()};
-}
-
 /// The model of rays, its matrix being that of rays, too.
 struct RayModel {
   TwoViewModel model = TwoViewModel::none;
@@ -140,26 +134,11 @@ template <DifferentiableCamera C>
   TwoViewResult<S> result;
   const std::size_t n = std::min(x.size(), x_m.size());
   result.distance_px.assign(n, std::numeric_limits<S>::quiet_NaN());
-  result.invalid.assign(n, 0);
-  workspace.x.clear();
-  workspace.x_m.clear();
-  workspace.match.clear();
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto a = pixel_ray_at(camera, x[i]), b = pixel_ray_at(camera, x_m[i]);
-    result.invalid[i] = a && b ? 0 : 1;
-    if (!a || !b) continue;
-    workspace.x.push_back(detail::ray_in_double(*a));
-    workspace.x_m.push_back(detail::ray_in_double(*b));
-    workspace.match.push_back(i);
-  }
-  RansacOptions<double> ransac;
-  ransac.threshold_px = static_cast<double>(options.ransac.threshold_px);
-  ransac.confidence = static_cast<double>(options.ransac.confidence);
-  ransac.max_iterations = options.ransac.max_iterations;
-  ransac.min_inliers = options.ransac.min_inliers;
-  ransac.refinements = options.ransac.refinements;
-  ransac.seed = options.ransac.seed;
-  const TwoViewOptions<double> in_double{ransac, static_cast<double>(options.min_parallax_px),
+  result.invalid.assign(n, 1);
+  detail::rays_of_matches(camera, x.first(n), x_m.first(n), workspace.x, workspace.x_m, workspace.match);
+  for (const std::size_t i : workspace.match) result.invalid[i] = 0;
+  const TwoViewOptions<double> in_double{detail::ransac_in_double(options.ransac),
+                                         static_cast<double>(options.min_parallax_px),
                                          static_cast<double>(options.min_off_plane)};
   const auto found = detail::model_of_rays(workspace.x, workspace.x_m, in_double, workspace.ransac);
   result.model = found.model;

@@ -15,9 +15,8 @@
 #include <vector>
 
 #include "dynslam/geometry/se3.hpp"
-#include "dynslam/optim/normal_equations.hpp"
-#include "dynslam/optim/pose_equations.hpp"
 #include "dynslam/optim/pose_residual.hpp"
+#include "dynslam/optim/pose_step.hpp"
 #include "dynslam/optim/surface_weights.hpp"
 #include "dynslam/optim/truncated_cost.hpp"
 #include "dynslam/robust/consensus.hpp"
@@ -123,21 +122,21 @@ class PoseConsensusSearch {
   }
 
  private:
-  using Motion = Eigen::Transform<S, 3, Eigen::Isometry>;
   using Sample = std::array<std::size_t, kSample>;
 
   /// The pose of a sample, from the predicted one; nullopt where it determines none.
   [[nodiscard]] std::optional<SE3<S>> pose_of(const Sample& sample) {
     SE3<S> T = predicted_;
     for (int i = 0; i < options_.iterations; ++i) {
-      sums_.set_zero();
-      const Motion motion = T.isometry();
+      step_.set_zero();
+      const auto motion = T.isometry();
       for (const std::size_t k : sample) {
-        if (!add(observations_[k], motion, std::numeric_limits<S>::infinity())) return std::nullopt;
+        if (!step_.add(camera_, observations_[k], motion, std::numeric_limits<S>::infinity()))
+          return std::nullopt;
       }
-      Eigen::Matrix<S, 6, 1> step;
-      if (!solve(step)) return std::nullopt;
-      T = SE3<S>::exp(step) * T;
+      const auto next = step_.from(T);
+      if (!next) return std::nullopt;
+      T = *next;
     }
     return T;
   }
@@ -153,25 +152,11 @@ class PoseConsensusSearch {
            step.so3().log().squaredNorm() / (options_.prior_rotation * options_.prior_rotation);
   }
 
-  /// Adds an observation whose squared normalised error is below the limit.
-  bool add(const PoseObservation<S>& o, const Motion& motion, S limit) {
-    if (!point_.at(camera_, motion * o.p_w, o) || !(observation_chi2(o, point_.r) < limit)) return false;
-    sums_.add(point_.terms(camera_, o.inv_sigma_px2, measures_depth(o) ? o.inv_sigma_z2 : S(0)));
-    return true;
-  }
-  [[nodiscard]] bool solve(Eigen::Matrix<S, 6, 1>& step) {
-    sums_.store(system_);
-    return system_.solve(S(0), step);
-  }
-
   /// Improves the best pose on what agrees with it.
   void refine() {
-    Eigen::Matrix<S, 6, 1> step;
     for (int i = 0; i < options_.iterations; ++i) {
-      sums_.set_zero();
-      const Motion motion = best_.T_c_w.isometry();
-      for (const PoseObservation<S>& o : observations_) (void)add(o, motion, options_.truncation);
-      if (!solve(step) || !judge(SE3<S>::exp(step) * best_.T_c_w)) return;
+      const auto next = step_.from(camera_, best_.T_c_w, observations_, options_.truncation);
+      if (!next || !judge(*next)) return;
     }
   }
 
@@ -194,9 +179,7 @@ class PoseConsensusSearch {
   const PoseConsensusOptions<S>& options_;
   PoseConsensusResult<S>& best_;
   S prior_weight_ = S(0), heaviest_ = S(1);
-  NormalEquations<S, 6> system_;
-  PoseEquations<S> sums_;
-  PointLinearisation<Camera> point_;
+  PoseStep<S, Camera> step_;
 };
 
 }  // namespace detail

@@ -14,9 +14,11 @@
 #include <numeric>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "dynslam/robust/consensus.hpp"
+#include "dynslam/robust/split_mix64.hpp"
 
 namespace dynslam::detail {
 
@@ -32,12 +34,21 @@ inline constexpr std::size_t kMatchBlock = 64;  ///< rows of floats are filled u
   return *middle;
 }
 
-/// Sum over n matches, each worth 1 at most; in float, block by block. Numbers up to padded(n) are asked for.
+/// Puts indices into an order that tells nothing, the same in every run: any of its parts is a sample.
+inline void shuffle(std::vector<int>& index) {
+  SplitMix64 random(1);
+  for (std::size_t i = index.size(); i > 1; --i)
+    std::swap(index[i - 1], index[static_cast<std::size_t>(random.below(static_cast<int>(i)))]);
+}
+
+/// Sum over n matches, each worth 0 to 1; in float, block by block. Numbers up to padded(n) are asked for.
 /// @param block  block(begin) gives a function of k, what the match begin + k is worth
-/// @return less than 0 as soon as more than `beaten` cannot be reached
+/// @return less than 0 as soon as more than `beaten` cannot be reached, or is four standard deviations off
+///         what the first matches, a random sample of all (shuffle), say
 template <class Block>
 [[nodiscard]] float sum_of_worths(std::size_t n, float beaten, const Block& block) {
   float total = 0;
+  const float share = beaten / static_cast<float>(n), variance = share * (1.0F - share);
   for (std::size_t begin = 0; begin < n; begin += kMatchBlock) {
     const auto value = block(begin);
     std::array<float, kMatchBlock> values;
@@ -50,7 +61,9 @@ template <class Block>
     }
     total +=
         ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
-    if (total + static_cast<float>(n - begin - size) <= beaten) return -1.0F;
+    const float seen = static_cast<float>(begin + size), missing = share * seen - total;
+    if (total + (static_cast<float>(n) - seen) <= beaten) return -1.0F;
+    if (missing > 0.0F && missing * missing > 16.0F * seen * variance) return -1.0F;
   }
   return total;
 }
@@ -78,7 +91,7 @@ class NormalisedMatches {
  public:
   /// A match farther from the middle than so many times the spread is none that a camera saw, and is left
   /// out: with it, fourth powers in float would not be numbers.
-  static constexpr double kFarthest = 1e6;
+  static constexpr double kFarthest = 1e4;
 
   /// Centre and scale are medians, so that matches far away do not move the others together. Those that are
   /// not finite or out of reach (kFarthest) are left out. Numbers are kept in `memory`.
@@ -121,11 +134,12 @@ class NormalisedMatches {
     const auto out_of_reach = [&](int i) { return !(distance(i) <= kFarthest * spread); };
     used.erase(std::remove_if(used.begin(), used.end(), out_of_reach), used.end());
     if (used.size() < least) return false;
+    shuffle(used);
     scale_ = 2 / spread;  // a median square of 2 for each point, as the mean of Hartley's
     n_ = used.size();
     padded_ = padded(n_);
     memory.coarse.assign(4 * padded_, 0.0F);
-    memory.fine.resize(kRows * n_);
+    memory.fine.resize(kRows * n_ + kMatchBlock);  // whole blocks can be read from any row
     coarse_ = memory.coarse.data();
     fine_ = memory.fine.data();
     for (std::size_t i = 0; i < n_; ++i) {
@@ -166,12 +180,21 @@ class NormalisedMatches {
   /// Row of x, y, x_m, y_m (0 to 3) in double or, filled up with zeros, in float.
   [[nodiscard]] const double* fine(std::size_t r) const { return fine_ + r * n_; }
   [[nodiscard]] const float* coarse(std::size_t r) const { return coarse_ + r * padded_; }
+  template <std::floating_point T>
+  [[nodiscard]] const T* row(std::size_t r) const {
+    if constexpr (std::same_as<T, float>) {
+      return coarse(r);
+    } else {
+      return fine(r);
+    }
+  }
 
-  /// Sum of weight_i p_i p_i^T over the points of the first image, p being homogeneous.
-  [[nodiscard]] Eigen::Matrix3d moments(const double* weight) const {
-    const double xx = dot_rows(n_, weight, fine(4)), xy = dot_rows(n_, weight, fine(5)),
-                 yy = dot_rows(n_, weight, fine(6)), x = dot_rows(n_, weight, fine(0)),
-                 y = dot_rows(n_, weight, fine(1)), one = dot_rows(n_, weight, fine(7));
+  /// Sum of weight_i p_i p_i^T over the points of the first `n` matches in the first image, p being
+  /// homogeneous.
+  [[nodiscard]] Eigen::Matrix3d moments(std::size_t n, const double* weight) const {
+    const double xx = dot_rows(n, weight, fine(4)), xy = dot_rows(n, weight, fine(5)),
+                 yy = dot_rows(n, weight, fine(6)), x = dot_rows(n, weight, fine(0)),
+                 y = dot_rows(n, weight, fine(1)), one = dot_rows(n, weight, fine(7));
     Eigen::Matrix3d M;
     M(0, 0) = xx;
     M(1, 1) = yy;
@@ -253,75 +276,12 @@ template <std::same_as<double> W>
   return v;
 }
 
-/// The best model of matches so far, and least squares on its inliers while that gains some (LO-RANSAC, Chum
-/// et al. 2003).
-/// @tparam Search  score(model, beaten): what the inliers are worth, any number below `beaten` where it is
-/// not more
-///                 than that; inliers(model); refit(model, wide) -> std::optional<Matrix3d>: least squares on
-///                 what lies within the threshold of a model, its square being `wide` times as large
-template <class Search>
-class BestModel {
- public:
-  BestModel(Search& search, int refinements) : search_(search), refinements_(refinements) {}
-
-  /// Takes a model that is better than the best, and refines it. @return whether it is
-  bool consider(const Eigen::Matrix3d& model, int sample) {
-    if (!keep(model)) return false;
-    inliers_ = search_.inliers(model_);
-    if (inliers_ <= sample) return true;
-    // From what lies within twice the threshold first: the noise of a minimal sample hides inliers there.
-    Eigen::Matrix3d current = model_;
-    for (int round = 0; round < refinements_; ++round) {
-      const double wide = std::max(1.0, 2.0 - 0.5 * round);
-      const std::optional<Eigen::Matrix3d> next = search_.refit(current, wide * wide);
-      if (!next) break;
-      current = *next;
-      if (!keep(current) && round >= 2) break;
-    }
-    inliers_ = search_.inliers(model_);
-    return true;
-  }
-  [[nodiscard]] const Eigen::Matrix3d& model() const { return model_; }
-  [[nodiscard]] int inliers() const { return inliers_; }  ///< 0: none yet
-
- private:
-  bool keep(const Eigen::Matrix3d& model) {
-    const float reached = search_.score(model, score_);
-    if (!(reached > score_)) return false;
-    score_ = reached;
-    model_ = model;
-    return true;
-  }
-  Search& search_;
-  int refinements_, inliers_ = 0;
-  float score_ = 0;
-  Eigen::Matrix3d model_ = Eigen::Matrix3d::Zero();
-};
-
-/// Models of matches by the sampling loop. @param minimal  minimal(sample, consider): calls
-/// consider(Matrix3d) once per hypothesis. @return iterations
-template <std::size_t K, std::floating_point S, class Search, class Minimal>
-int search_models(std::size_t n, const RansacOptions<S>& options, BestModel<Search>& best,
-                  const Minimal& minimal) {
-  const SamplingOptions<S> sampling{options.max_iterations, options.confidence, options.seed};
-  return sample_consensus<K, S>(
-      sampling,
-      [n](SplitMix64& random, std::array<std::size_t, K>& sample) {
-        draw_distinct(random, n, sample);
-        return true;
-      },
-      minimal,
-      [&](const Eigen::Matrix3d& model) -> std::optional<S> {
-        if (!best.consider(model, static_cast<int>(K))) return std::nullopt;
-        return static_cast<S>(best.inliers()) / static_cast<S>(n);
-      });
-}
-
-/// What a match at the share `part` of the squared threshold counts: nearly 1 for an inlier, as in RANSAC;
-/// the nearer of equally many decide. In a form that compilers make one of vectors.
+/// What a match at the share `part` of the squared threshold, a finite number, counts: 1 where it fits, less
+/// with the error and nothing from the threshold on (Tukey's biweight). Of a choice, g++ makes branches here
+/// and no vectors.
 [[nodiscard]] inline float inlier_worth(float part) {
-  const float square = part * part, fourth = square * square, worth = 1.0F - fourth * fourth;
-  return worth > 0.0F ? worth : 0.0F;
+  const float left = 1.0F - part, kept = 0.5F * (left + std::abs(left));
+  return kept * kept * kept;
 }
 
 }  // namespace dynslam::detail
