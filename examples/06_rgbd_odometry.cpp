@@ -8,8 +8,8 @@
 // runs a TUM RGB-D folder three times, as OpenCV does it and with what moves masked out, and prints the absolute
 // trajectory errors; or with the masks of folders (STAMP.png, 0 where nothing moves, as of `run
 // --save-masks`), kept PIXELS (3) off their rim. What moves spoils the odometry's pose. Either the segmenter finds
-// one from its reference keypoints (locate), and gives the odometry a first guess, too; or it is given the
-// odometry's own, without masks, and tells by itself what of it to believe. Fails where the error of either is above
+// one from its reference keypoints (locate); or it is given the odometry's own, without masks, and tells by itself
+// what of it to believe. Both ways the odometry starts from the segmenter's pose. Fails where the error of either is above
 // LIMIT [m]; "third" stands for a third of the error without masks.
 #include <algorithm>
 #include <cmath>
@@ -160,14 +160,18 @@ class MaskedOdometry {
       velocity_ = guess;
     }
     if (masks_ == Masks::own_pose) {
-      guess = velocity_;
-      still = segment(frame, step(frame, cv::Mat(), guess) * T_c_w_);
+      still = segment(frame, step(frame, cv::Mat(), velocity_) * T_c_w_);
+      // The odometry minimises from a start: from its own it stays with what moves.
+      guess = segmenter_.motion().T_c_w * T_located_.inverse();
     }
     if (!last_.gray.empty()) {
       velocity_ = step(frame, still, guess);
       T_c_w_ = velocity_ * T_c_w_;
     }
-    if (masks_ == Masks::own_pose) segmenter_.remember(T_c_w_, segmenter_.motion().mask);
+    if (masks_ == Masks::own_pose) {
+      segmenter_.remember(T_c_w_, segmenter_.motion().mask);
+      T_located_ = segmenter_.motion().own_pose ? segmenter_.motion().T_c_w : T_c_w_;
+    }
     last_ = frame;
     last_still_ = still;
     return T_c_w_;
@@ -209,7 +213,7 @@ class MaskedOdometry {
   Frame last_;
   cv::Mat last_still_;
   SE3d T_c_w_;      // of the odometry
-  SE3d T_located_;  // of the segmenter: its own world
+  SE3d T_located_;  // of the segmenter
   SE3d velocity_;   // since the last frame
 };
 

@@ -58,6 +58,17 @@ class Masks(unittest.TestCase):
             segmenter.remember(located, motion.mask)
         np.testing.assert_allclose(located, pose, atol=0.003)
 
+    def test_a_host_that_jumps_gets_the_pose_of_the_mask(self):
+        segmenter = dynslam.MotionSegmenter(scene.camera())
+        for k in range(10):
+            gray, depth, pose, _ = scene.view(k)
+            given = pose.copy()
+            given[0, 3] += 0.3 * (k == 9)
+            motion = segmenter.segment(gray, depth, k / 30, given)
+            self.assertEqual(motion.own_pose, k == 9)
+            segmenter.remember(given, motion.mask)
+        np.testing.assert_allclose(motion.T_c_w, pose, atol=0.003)
+
     def test_follow_moves_the_memory(self):
         """In a world that was moved, with the memory moved along, masks stay what they are."""
         D = np.eye(4)

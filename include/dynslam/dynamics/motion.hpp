@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "dynslam/dynamics/static_weights.hpp"
+#include "dynslam/geometry/se3.hpp"
 #include "dynslam/image/image.hpp"
 
 namespace dynslam {
@@ -45,6 +46,9 @@ struct Motion {
   std::vector<JudgedMatch<S>> matches;
   // How it came about.
   bool own_pose = false;  ///< the keypoints contradict the pose that was given: one of the segmenter's own was used
+  /// The pose that the mask rests on: the one that was given, or the segmenter's own. A host that minimises from a start takes
+  /// its start from here, or stays in the minimum into which what moves once pulled it.
+  SE3<S> T_c_w;
   int tracked = 0;        ///< reference keypoints found
   int mismatches = 0;  ///< off their epipolar curve
   bool epipolar_used = false;

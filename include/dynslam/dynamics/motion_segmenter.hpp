@@ -81,6 +81,7 @@ class MotionSegmenter {
   const Motion<S>& segment(const G& gray, const D& depth, double t, const SE3<S>& T_c_w, const M& prior = {},
                            OnStage&& on_stage = {}) {
     segmented_ = false;
+    motion_.T_c_w = T_c_w;
     if (!accept_size(gray, depth, prior)) return motion_.refuse(MotionStatus::size_mismatch);
     if (!std::isfinite(t) || (last_t_ && !(t > *last_t_))) return motion_.refuse(MotionStatus::time_not_later);
     motion_.status = MotionStatus::ok;
@@ -264,6 +265,7 @@ class MotionSegmenter {
       refuse(MotionStatus::pose_unsupported);
     } else if (!checked_.host) {
       motion_.own_pose = true;
+      motion_.T_c_w = checked_.T_c_w;
       reference_.track(rolling(), pyramid_, checked_.T_c_w, prior, options_.reference, matches_);
     }
   }

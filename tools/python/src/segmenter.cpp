@@ -33,6 +33,7 @@ struct FoundMotion {
   py::array_t<std::uint8_t> mask;
   MotionStatus status = MotionStatus::ok;
   bool own_pose = false;
+  SE3<double> T_c_w;
   int tracked = 0, dynamic_matches = 0, mismatches = 0;
   std::vector<JudgedMatch<double>> matches;
 
@@ -72,6 +73,7 @@ class PythonSegmenter {
           s.segment(view(grey), interop::view<const float>(metres), t, pose, view(may_move));
       result.status = motion.status;
       result.own_pose = motion.own_pose;
+      result.T_c_w = motion.T_c_w;
       result.tracked = motion.tracked;
       result.dynamic_matches = motion.dynamic_matches;
       result.mismatches = motion.mismatches;
@@ -139,6 +141,9 @@ void bind_motion(py::module_& m) {
       .def_property_readonly("ok", [](const FoundMotion& f) { return f.status == MotionStatus::ok; })
       .def_readonly("own_pose", &FoundMotion::own_pose,
                     "The keypoints contradict T_c_w: a pose of the segmenter's own was used.")
+      .def_property_readonly(
+          "T_c_w", [](const FoundMotion& f) { return to_array(f.T_c_w); },
+          "(4, 4) float64, the pose that the mask rests on, yours or the segmenter's own: a start for your tracker.")
       .def_property_readonly("pixels", &FoundMotion::pixels,
                              "Keypoints that were classified, (N, 2) float64 [px] in this frame.")
       .def_property_readonly(
