@@ -164,9 +164,14 @@ TEST_CASE("the octree answers as the block map does, at every level") {
     blocks.integrate(voxels);
   }
   int occupied = 0;
+  SemanticOcTree::Reader tree_states(tree);
+  VoxelBlockMap<float>::Reader block_states(blocks);
   for (int k = 0; k < 3000; ++k) {
     const Eigen::Vector3d p(rng.uniform(-2.2, 2.8), rng.uniform(-2.2, 2.2), rng.uniform(-2.2, 2.2));
     for (const int level : {0, 1, 2, 4}) {
+      const VoxelKey key = *tree.grid().key(p);
+      CHECK(tree_states.state(key, level) == tree.at(key, level).state);
+      CHECK(block_states.state(key, level) == blocks.at(key, level).state);
       const MapVoxel a = query_point(tree, p, level), b = query_point(blocks, p, level);
       CHECK(a.state == b.state);
       CHECK(static_cast<double>(a.log_odds) == doctest::Approx(static_cast<double>(b.log_odds)));

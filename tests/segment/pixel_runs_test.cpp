@@ -96,6 +96,15 @@ TEST_CASE(
         CHECK(connected_components(mask, connectivity, labels, counts) == static_cast<int>(sizes.size()) - 1);
         CHECK(test::pixels_of(labels) == test::pixels_of(expected));
         CHECK(counts == sizes);
+        ComponentsWorkspace runs;
+        CHECK(component_runs(mask, connectivity, counts, runs) == static_cast<int>(sizes.size()) - 1);
+        CHECK(counts == sizes);
+        Image<int> painted(w, h, 0);
+        for (std::size_t i = 0; i < runs.runs.size(); ++i) {
+          for (int u = runs.runs[i].begin; u < runs.runs[i].end; ++u)
+            painted(u, runs.runs[i].v) = runs.number[i];
+        }
+        CHECK(test::pixels_of(painted) == test::pixels_of(expected));
         auto filled = mask;
         flood(mask, false, connectivity, [&](const auto& hole) {
           bool inside = hole.size() <= 9;

@@ -40,6 +40,30 @@ std::vector<ScanVoxels> random_scans(const VoxelGrid& grid, test::Rng& rng, int 
 
 }  // namespace
 
+TEST_CASE_TEMPLATE("a reader gives the states that the map gives, from cell to cell", S, float, double) {
+  const VoxelGrid grid(0.1);
+  test::Rng rng("reader");
+  VoxelBlockMap<S> map(grid);
+  CHECK(typename VoxelBlockMap<S>::Reader(map).state(VoxelKey{}, 0) == Occupancy::unknown);
+  for (const ScanVoxels& scan : random_scans(grid, rng, 5)) map.integrate(scan);
+  typename VoxelBlockMap<S>::Reader reader(map);
+  std::array<int, 3> seen{};
+  Eigen::Vector3d p = Eigen::Vector3d::Zero();
+  for (int k = 0; k < 20000; ++k) {
+    // Steps to neighbours, and now and then elsewhere.
+    p = k % 50 == 0 ? Eigen::Vector3d(rng.uniform(-9, 9), rng.uniform(-1.3, 1.3), rng.uniform(-1.3, 1.3))
+                    : Eigen::Vector3d(p + 0.1 * Eigen::Vector3d(rng.uniform(-1, 1), rng.uniform(-1, 1),
+                                                                rng.uniform(-1, 1)));
+    if (k % 100 == 0) p.x() /= 8;
+    const VoxelKey key = *grid.key(p);
+    const int level = rng.integer(0, kVoxelLevels);
+    const Occupancy state = reader.state(key, level);
+    CHECK(state == map.at(key, level).state);
+    ++seen[static_cast<std::size_t>(state)];
+  }
+  CHECK(*std::min_element(seen.begin(), seen.end()) > 200);
+}
+
 TEST_CASE_TEMPLATE("the block map fuses scans as single cells would (Eq 12)", S, float, double) {
   const VoxelGrid grid(0.1);
   test::Rng rng("block map");

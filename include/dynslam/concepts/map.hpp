@@ -28,8 +28,9 @@ struct VoxelVisitor {
 /// 2^level voxels along each edge that holds the key's voxel, level 0 to 16: a coarse cell is occupied where
 /// any voxel in it is, and its label is that of its occupied voxels. `for_each_occupied(low, high, level, f)`
 /// calls f(key, voxel) for each occupied cell of the level that touches the box of keys [low, high], both
-/// ends included, in any order. `Voxel` is the map's own: a default-constructed one is unknown, its `state`
-/// an Occupancy.
+/// ends included, in any order. A map may have a `Reader(map)` with `state(key, level)`, at(key, level).state
+/// for less: rays and searches ask for nothing else of most cells. `Voxel` is the map's own: a
+/// default-constructed one is unknown, its `state` an Occupancy.
 template <class M>
 concept VoxelMap = std::same_as<typename M::Key, VoxelKey> && std::semiregular<typename M::Voxel> &&
     requires(const M& map, const VoxelKey& key, int level, const typename M::Voxel& voxel,

@@ -72,19 +72,25 @@ class BasicSemanticOcTree : public octomap::OccupancyOcTreeBase<BasicSemanticOcT
 
   /// State of the cell of 2^level voxels per edge that holds the key.
   [[nodiscard]] MapVoxel at(const VoxelKey& key, int level = 0) const {
-    if (root == nullptr) return {};
-    const Node* node = root;
-    for (int i = int(tree_depth) - 1; i >= level; --i) {
-      if (node->children == nullptr) break;  // a pruned cell
-      node = child(node, octomap::computeChildIdx(octomap::OcTreeKey(key[0], key[1], key[2]), i));
-      if (node == nullptr) return {};
-    }
-    return describe(*node);
+    const Node* node = find(key, level);
+    return node == nullptr ? MapVoxel{} : describe(*node);
   }
   [[nodiscard]] MapVoxel describe(const Node& node) const {
-    return {node.value >= occ_prob_thres_log ? Occupancy::occupied : Occupancy::free, node.value,
-            node.label(), static_cast<float>(node.labels().confidence())};
+    return {state(node), node.value, node.label(), static_cast<float>(node.labels().confidence())};
   }
+
+  /// Asks for states alone: at(key, level).state, without a look at labels. See VoxelMap.
+  class Reader {
+   public:
+    explicit Reader(const BasicSemanticOcTree& tree) : tree_(&tree) {}
+    [[nodiscard]] Occupancy state(const VoxelKey& key, int level) const {
+      const Node* node = tree_->find(key, level);
+      return node == nullptr ? Occupancy::unknown : tree_->state(*node);
+    }
+
+   private:
+    const BasicSemanticOcTree* tree_;
+  };
 
   /// Calls f(key, MapVoxel) for each occupied cell of the level that touches the keys [low, high].
   template <class F>
@@ -172,6 +178,16 @@ class BasicSemanticOcTree : public octomap::OccupancyOcTreeBase<BasicSemanticOcT
     } else {
       node->fuse_children(1);
     }
+  }
+  /// The node of the cell, or the pruned one above it; nullptr where nothing was observed.
+  [[nodiscard]] const Node* find(const VoxelKey& key, int level) const {
+    const Node* node = root;
+    for (int i = int(tree_depth) - 1; i >= level && node != nullptr && node->children != nullptr; --i)
+      node = child(node, octomap::computeChildIdx(octomap::OcTreeKey(key[0], key[1], key[2]), i));
+    return node;
+  }
+  [[nodiscard]] Occupancy state(const Node& node) const {
+    return node.value >= occ_prob_thres_log ? Occupancy::occupied : Occupancy::free;
   }
   [[nodiscard]] bool saturated_free(const Node& node) const { return node.value <= clamping_thres_min; }
 

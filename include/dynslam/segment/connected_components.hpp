@@ -95,6 +95,19 @@ inline void count_pixels(const ComponentsWorkspace& ws, int n, std::vector<int>&
 }
 }  // namespace detail
 
+/// Connected components of the nonzero pixels without an image of labels, for what needs areas or boxes
+/// alone: run i of `workspace.runs` is part of component `workspace.number[i]`, 1 ... n in order of first
+/// pixels row by row.
+/// @param counts  out: `counts[component]` = pixels (counts[0] unused)
+/// @return n
+template <LabelImage Mask>
+int component_runs(const Mask& mask, Connectivity connectivity, std::vector<int>& counts,
+                   ComponentsWorkspace& workspace) {
+  const int n = detail::number_runs(mask, false, connectivity, workspace);
+  detail::count_pixels(workspace, n, counts);
+  return n;
+}
+
 /// Connected components of the nonzero pixels: runs of each row, joined with those above by a union-find.
 /// @param labels  out: 1 ... n in order of each component's first pixel row by row, 0 where the mask is zero;
 /// an
@@ -109,8 +122,7 @@ int connected_components(const Mask& mask, Connectivity connectivity, Labels&& l
   if constexpr (requires { labels.resize(mask.width(), mask.height()); })
     labels.resize(mask.width(), mask.height());
   DYNSLAM_ASSERT(same_size(mask, labels), "labels and mask need the same size");
-  const int n = detail::number_runs(mask, false, connectivity, workspace);
-  detail::count_pixels(workspace, n, counts);
+  const int n = component_runs(mask, connectivity, counts, workspace);
   for (int v = 0; v < labels.height(); ++v) detail::fill_run(labels, {v, 0, labels.width()}, Label(0));
   for (std::size_t i = 0; i < workspace.runs.size(); ++i)
     detail::fill_run(labels, workspace.runs[i], static_cast<Label>(workspace.number[i]));

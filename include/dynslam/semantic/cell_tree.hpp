@@ -41,11 +41,15 @@ struct CellSummary {
   [[nodiscard]] bool occupied(const LogOddsParams<S>& params) const {
     return observed && log_odds >= params.occupied;
   }
+  [[nodiscard]] Occupancy state(const LogOddsParams<S>& params) const {
+    if (!observed) return Occupancy::unknown;
+    return occupied(params) ? Occupancy::occupied : Occupancy::free;
+  }
   [[nodiscard]] MapVoxel describe(const LogOddsParams<S>& params) const {
     if (!observed) return {};
     const auto labels = LabelHistogram<N>::from_sums(votes);
-    return {occupied(params) ? Occupancy::occupied : Occupancy::free, static_cast<float>(log_odds),
-            labels.top(), static_cast<float>(labels.confidence())};
+    return {state(params), static_cast<float>(log_odds), labels.top(),
+            static_cast<float>(labels.confidence())};
   }
 };
 
@@ -66,13 +70,35 @@ class CellTree {
     [[nodiscard]] std::int32_t leaf() const { return children[0]; }
   };
 
-  /// The cell of a level that holds a key; nullptr where nothing was observed. @param level  kLeafLevel to 16
-  [[nodiscard]] const Node* find(const VoxelKey& key, int level) const {
-    DYNSLAM_ASSERT(level >= kLeafLevel && level <= kVoxelLevels, "a level of the tree");
-    std::int32_t n = nodes_.empty() ? kNone : 0;
-    for (int l = kVoxelLevels; l > level && n != kNone; --l) n = node(n).children[child_index(key, l)];
-    return n == kNone ? nullptr : &node(n);
-  }
+  /// Finds cells. It keeps the way to the last one, and goes the part that differs: cells of a ray, or of a
+  /// descent, are neighbours. Valid until the tree changes.
+  class Finder {
+   public:
+    explicit Finder(const CellTree& tree) : tree_(&tree) {}
+    /// The cell of a level that holds a key; nullptr where nothing was observed.
+    /// @param level  kLeafLevel to 16
+    [[nodiscard]] const Node* find(const VoxelKey& key, int level) {
+      DYNSLAM_ASSERT(level >= kLeafLevel && level <= kVoxelLevels, "a level of the tree");
+      if (tree_->nodes_.empty()) return nullptr;
+      const std::uint64_t code = morton_code(key);
+      depth_ = std::min(depth_, common_depth(code, previous_));
+      previous_ = code;
+      const int depth = kVoxelLevels - level;
+      while (depth_ < depth) {
+        const std::int32_t next =
+            tree_->node(path_[std::size_t(depth_)]).children[child_index(key, kVoxelLevels - depth_)];
+        if (next == kNone) return nullptr;
+        path_[std::size_t(++depth_)] = next;
+      }
+      return &tree_->node(path_[std::size_t(depth)]);
+    }
+
+   private:
+    const CellTree* tree_;
+    std::array<std::int32_t, kVoxelLevels - kLeafLevel + 1> path_{};  // from the root to `previous_`
+    int depth_ = 0;
+    std::uint64_t previous_ = 0;
+  };
 
   /// Calls f(corner, level, node) for the cells of at least `level` that are occupied and touch the keys
   /// [low, high], and goes no deeper than the cells for which it is called. In the order of the Z curve.
@@ -93,10 +119,7 @@ class CellTree {
     /// The leaf that holds a key, made where it is missing. The reference holds until the next call.
     [[nodiscard]] Node& leaf(const VoxelKey& key) {
       const std::uint64_t code = morton_code(key);
-      if (depth_ > 0) {
-        const auto differing = static_cast<int>(std::bit_width(code ^ previous_));  // bits; three to a level
-        climb_to(std::min(depth_, kVoxelLevels - (differing + 2) / 3));
-      }
+      if (depth_ > 0) climb_to(std::min(depth_, common_depth(code, previous_)));
       previous_ = code;
       while (depth_ < kLeafDepth) {
         const std::size_t i = child_index(key, kVoxelLevels - depth_);
@@ -129,6 +152,10 @@ class CellTree {
   };
 
  private:
+  /// How far down the ways to two keys are the same, by their morton_code(): three bits to a level.
+  [[nodiscard]] static int common_depth(std::uint64_t a, std::uint64_t b) {
+    return kVoxelLevels - (static_cast<int>(std::bit_width(a ^ b)) + 2) / 3;
+  }
   struct Box {
     const VoxelKey &low, &high;
     int level;

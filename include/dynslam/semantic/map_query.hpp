@@ -72,6 +72,27 @@ inline constexpr double kGridReach = 32767.5;
 }
 }  // namespace detail
 
+namespace detail {
+/// Asks a map for the states of many cells, as cheaply as it can: by its `Reader`, where it has one.
+template <VoxelMap M>
+class StateReader {
+ public:
+  explicit StateReader(const M& map) : map_(&map) {}
+  [[nodiscard]] Occupancy state(const VoxelKey& key, int level) const { return map_->at(key, level).state; }
+
+ private:
+  const M* map_;
+};
+template <VoxelMap M>
+  requires requires(typename M::Reader& reader, const VoxelKey& key, int level) {
+    { reader.state(key, level) } -> std::same_as<Occupancy>;
+  }
+class StateReader<M> : public M::Reader {
+ public:
+  using M::Reader::Reader;
+};
+}  // namespace detail
+
 /// State of the cell that holds a point; unknown outside the grid.
 template <VoxelMap M>
 [[nodiscard]] typename M::Voxel query_point(const M& map, const QueryVector& p, int level = 0) {
@@ -188,14 +209,15 @@ template <VoxelMap M>
   };
   result.status = RayStatus::free;
   result.distance = reach;
+  detail::StateReader<M> cells(map);
   const auto look = [&](PackedKey packed) {
     const VoxelKey key = detail::fine_key(packed, level);
-    const auto voxel = map.at(key, level);
-    const bool unknown = voxel.state == Occupancy::unknown;
+    const Occupancy state = cells.state(key, level);
+    const bool unknown = state == Occupancy::unknown;
     result.unknown_cells += unknown ? 1 : 0;
-    if (voxel.state != Occupancy::occupied && !(unknown && options.stop_at_unknown)) return true;
+    if (state != Occupancy::occupied && !(unknown && options.stop_at_unknown)) return true;
     result.status = unknown ? RayStatus::unknown : RayStatus::hit;
-    result.cell = {grid.centre(key, level), grid.edge(level), voxel, 0.0};
+    result.cell = {grid.centre(key, level), grid.edge(level), map.at(key, level), 0.0};
     result.cell.distance = distance_to_cell(origin, result.cell.centre, result.cell.edge);
     result.distance = std::min(reach, enter(result.cell.centre, result.cell.edge));
     return false;
@@ -239,7 +261,9 @@ template <VoxelMap M>
 class NearestSearch {
  public:
   NearestSearch(const M& map, const Eigen::Vector3d& p, double radius, int level)
-      : map_(map), p_(p), level_(level), bound_(radius) {}
+      : map_(map), states_(map), p_(p), level_(level) {
+    set_bound(radius);
+  }
 
   void run() {
     // The cells of one level that the ball can touch: two along an axis, where the level's edge is its
@@ -247,15 +271,17 @@ class NearestSearch {
     const VoxelGrid& grid = map_.grid();
     int top = level_;
     while (top < kVoxelLevels && grid.edge(top) < 2 * bound_) ++top;
-    const double reach = bound_ + slack();
-    const auto low = key_within(grid, (p_.array() - reach).matrix(), 0.0),
-               high = key_within(grid, (p_.array() + reach).matrix(), 0.0);
+    const auto low = key_within(grid, (p_.array() - limit_).matrix(), 0.0),
+               high = key_within(grid, (p_.array() + limit_).matrix(), 0.0);
     if (!low || !high) return;
     const VoxelKey a = key_at_level(*low, top), b = key_at_level(*high, top);
-    Candidates cells;
-    for (int z = a[2]; z <= int(b[2]); z += 1 << top)
-      for (int y = a[1]; y <= int(b[1]); y += 1 << top)
-        for (int x = a[0]; x <= int(b[0]); x += 1 << top) cells.add(*this, x, y, z, top);
+    Candidates<27> cells;  // 3 x 3 x 3 at most
+    for (int z = a[2]; z <= int(b[2]); z += 1 << top) {
+      for (int y = a[1]; y <= int(b[1]); y += 1 << top) {
+        for (int x = a[0]; x <= int(b[0]); x += 1 << top)
+          add(cells, {x, y, z}, gap(0, x, top) + gap(1, y, top) + gap(2, z, top));
+      }
+    }
     descend(cells, top);
   }
   [[nodiscard]] NearestResultOf<M> result() const {
@@ -263,63 +289,80 @@ class NearestSearch {
   }
 
  private:
-  /// Cells of one level by their distance, at most 3 x 3 x 3.
+  /// Cells of one level by their distance.
+  template <std::size_t capacity>
   struct Candidates {
     struct Cell {
       VoxelKey key;
-      Eigen::Vector3d centre;
-      double distance;
+      double square;  // of the distance [m^2]
     };
-    std::array<Cell, 27> cells;
+    std::array<Cell, capacity> cells;
     std::size_t count = 0;
-    void add(const NearestSearch& search, int x, int y, int z, int level) {
-      const VoxelKey key{
-          {static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y), static_cast<std::uint16_t>(z)}};
-      const VoxelGrid& grid = search.map_.grid();
-      const Eigen::Vector3d centre = grid.centre(key, level);
-      const double distance = distance_to_cell(search.p_, centre, grid.edge(level));
-      if (search.too_far(distance) || count == cells.size()) return;
-      std::size_t i = count++;
-      for (; i > 0 && cells[i - 1].distance > distance; --i) cells[i] = cells[i - 1];
-      cells[i] = {key, centre, distance};
-    }
   };
+  template <std::size_t capacity>
+  void add(Candidates<capacity>& to, const std::array<int, 3>& key, double square) const {
+    if (too_far(square) || to.count == capacity) return;
+    std::size_t i = to.count++;
+    for (; i > 0 && to.cells[i - 1].square > square; --i) to.cells[i] = to.cells[i - 1];
+    to.cells[i] = {{{static_cast<std::uint16_t>(key[0]), static_cast<std::uint16_t>(key[1]),
+                     static_cast<std::uint16_t>(key[2])}},
+                   square};
+  }
+  /// Squared distance along one axis to a cell that begins at `key`.
+  [[nodiscard]] double gap(Eigen::Index axis, int key, int level) const {
+    const double half = map_.grid().edge(level) / 2,
+                 centre = static_cast<double>(key - 32768) * map_.grid().resolution() + half;
+    const double d = std::max(0.0, std::abs(p_(axis) - centre) - half);
+    return d * d;
+  }
   /// With room for rounding: a coarse cell's distance is that of its parts only nearly.
-  [[nodiscard]] bool too_far(double distance) const { return distance > bound_ + slack(); }
-  [[nodiscard]] double slack() const { return query_rounding(map_.grid(), p_, bound_); }
+  [[nodiscard]] bool too_far(double square) const { return square > limit_ * limit_; }
+  void set_bound(double bound) {
+    bound_ = bound;
+    limit_ = bound + query_rounding(map_.grid(), p_, bound);
+  }
 
-  void descend(const Candidates& cells, int level) {
-    for (std::size_t i = 0; i < cells.count && !too_far(cells.cells[i].distance); ++i) {
-      const auto& cell = cells.cells[i];
-      const auto voxel = map_.at(cell.key, level);
-      if (voxel.state != Occupancy::occupied) continue;
+  template <std::size_t capacity>
+  void descend(const Candidates<capacity>& cells, int level) {
+    for (std::size_t i = 0; i < cells.count && !too_far(cells.cells[i].square); ++i) {
+      const VoxelKey& key = cells.cells[i].key;
+      if (states_.state(key, level) != Occupancy::occupied) continue;
       if (level == level_) {
-        take(cell, voxel);
+        take(key);
         continue;
       }
       const int half = 1 << (level - 1);
-      Candidates parts;
-      for (int k = 0; k < 8; ++k)
-        parts.add(*this, cell.key[0] + (k & 1) * half, cell.key[1] + (k >> 1 & 1) * half,
-                  cell.key[2] + (k >> 2) * half, level - 1);
+      std::array<std::array<double, 2>, 3> gaps;
+      for (std::size_t a = 0; a < 3; ++a)
+        gaps[a] = {gap(Eigen::Index(a), key[a], level - 1), gap(Eigen::Index(a), key[a] + half, level - 1)};
+      Candidates<8> parts;
+      for (unsigned k = 0; k < 8; ++k) {
+        const unsigned x = k & 1U, y = k >> 1U & 1U, z = k >> 2U;
+        add(parts, {key[0] + int(x) * half, key[1] + int(y) * half, key[2] + int(z) * half},
+            gaps[0][x] + gaps[1][y] + gaps[2][z]);
+      }
       descend(parts, level - 1);
     }
   }
-  void take(const typename Candidates::Cell& cell, const typename M::Voxel& voxel) {
-    if (found_ ? cell.distance > bound_ : too_far(cell.distance)) return;
-    if (found_ && cell.distance == bound_ &&
-        !std::lexicographical_compare(cell.centre.begin(), cell.centre.end(), best_.centre.begin(),
-                                      best_.centre.end()))
+  void take(const VoxelKey& key) {
+    const VoxelGrid& grid = map_.grid();
+    const Eigen::Vector3d centre = grid.centre(key, level_);
+    const double edge = grid.edge(level_), distance = distance_to_cell(p_, centre, edge);
+    if (distance > (found_ ? bound_ : limit_)) return;
+    if (found_ && distance == bound_ &&
+        !std::lexicographical_compare(centre.begin(), centre.end(), best_.centre.begin(), best_.centre.end()))
       return;
     found_ = true;
-    bound_ = cell.distance;
-    best_ = {cell.centre, map_.grid().edge(level_), voxel, cell.distance};
+    set_bound(distance);
+    best_ = {centre, edge, map_.at(key, level_), distance};
   }
 
   const M& map_;
+  StateReader<M> states_;
   Eigen::Vector3d p_;
   int level_;
-  double bound_;  // distance of the best cell so far, the radius before the first
+  double bound_ = 0;  // distance of the best cell so far, the radius before the first
+  double limit_ = 0;  // the same with room for rounding
   bool found_ = false;
   MapCellOf<M> best_;
 };

@@ -61,14 +61,31 @@ class VoxelBlockMap {
   /// @param level  0 to 16
   [[nodiscard]] MapVoxel at(const VoxelKey& key, int level = 0) const {
     if (level >= Tree::kLeafLevel) {
-      const auto* cell = tree_.find(key, level);
+      const auto* cell = typename Tree::Finder(tree_).find(key, level);
       return cell == nullptr ? MapVoxel{} : cell->summary.describe(params_);
     }
     const auto found = index_.find(pack(key_at_level(key, ScanBlock::kLevel)));
     if (found == index_.end()) return {};
-    const std::size_t first = Scan::index_in_block(pack(key_at_level(key, level)));
-    return cell_in_block(blocks_[found->second], first, level);
+    return cell_in_block(blocks_[found->second], first_in_block(key, level), level);
   }
+
+  /// Asks for the states of many cells. It keeps the way to the last one: of neighbours that is next to all
+  /// of it. Valid until the map changes.
+  class Reader {
+   public:
+    explicit Reader(const VoxelBlockMap& map) : map_(&map), finder_(map.tree_) {}
+    /// at(key, level).state, without the label. @param level  0 to 16
+    [[nodiscard]] Occupancy state(const VoxelKey& key, int level) {
+      const auto* cell = finder_.find(key, std::max(level, Tree::kLeafLevel));
+      if (cell == nullptr) return Occupancy::unknown;
+      if (level >= Tree::kLeafLevel) return cell->summary.state(map_->params_);
+      return map_->blocks_[static_cast<std::size_t>(cell->leaf())].state(first_in_block(key, level), level);
+    }
+
+   private:
+    const VoxelBlockMap* map_;
+    typename CellTree<S, N>::Finder finder_;
+  };
 
   template <class F>
   void for_each_occupied(const VoxelKey& low, const VoxelKey& high, int level, F&& f) const {
@@ -86,7 +103,17 @@ class VoxelBlockMap {
   using Tree = CellTree<S, N>;
   using Summary = CellSummary<S, N>;
   using CellVoxel = SemanticVoxel<S, N>;
-  using Block = std::array<CellVoxel, 512>;
+  struct Block {
+    std::array<CellVoxel, 512> voxels;
+    std::array<std::uint64_t, 8> known{}, occupied{};  // a bit for each voxel
+
+    /// Of a cell within the block: its 1, 8 or 64 voxels lie side by side in a word.
+    [[nodiscard]] Occupancy state(std::size_t first, int level) const {
+      const std::uint64_t cell = (~std::uint64_t(0) >> (64 - (1 << (3 * level)))) << (first % 64);
+      if ((occupied[first / 64] & cell) != 0) return Occupancy::occupied;
+      return (known[first / 64] & cell) != 0 ? Occupancy::free : Occupancy::unknown;
+    }
+  };
   struct Hash {
     std::size_t operator()(PackedKey key) const {
       return static_cast<std::size_t>((key >> 3) * 0x9E3779B97F4A7C15ULL >> 16);
@@ -98,16 +125,21 @@ class VoxelBlockMap {
   void fuse(const Scan& scan, const ScanBlock& from, Block& to, Summary& summary) const {
     bool sank = false;
     S highest = std::numeric_limits<S>::lowest();
-    const auto change = [&](CellVoxel& voxel, auto&& measure) {
+    // Of word w the voxel of the lowest bit.
+    const auto change = [&](std::size_t w, std::uint64_t bits, auto&& measure) {
+      CellVoxel& voxel = to.voxels[64 * w + static_cast<std::size_t>(std::countr_zero(bits))];
       const S before = voxel.occupancy.log_odds();
       measure(voxel);
       const S after = voxel.occupancy.log_odds();
+      const std::uint64_t bit = bits & -bits;
+      to.occupied[w] = (to.occupied[w] & ~bit) | (bit & -std::uint64_t(after >= params_.occupied));
       sank = sank || (before == summary.log_odds && after < before);
       highest = std::max(highest, after);
     };
     for (std::size_t w = 0; w < 8; ++w) {
+      to.known[w] |= from.miss[w] | from.hit[w];
       for (std::uint64_t bits = from.miss[w]; bits != 0; bits &= bits - 1) {
-        change(to[64 * w + static_cast<std::size_t>(std::countr_zero(bits))], [&](CellVoxel& voxel) {
+        change(w, bits, [&](CellVoxel& voxel) {
           voxel.miss(params_);
           // Labels belong to what is there: free space has none, and forgets those it had.
           if (voxel.occupancy.state(params_) == Occupancy::occupied || voxel.labels.empty()) return;
@@ -117,7 +149,7 @@ class VoxelBlockMap {
       }
       for (std::uint64_t bits = from.hit[w]; bits != 0; bits &= bits - 1) {
         const std::size_t i = 64 * w + static_cast<std::size_t>(std::countr_zero(bits));
-        change(to[i], [&](CellVoxel& voxel) {
+        change(w, bits, [&](CellVoxel& voxel) {
           const auto& end = scan.end(from, i);
           voxel.occupancy.update(static_cast<S>(end.weight) * params_.hit, params_);
           if (voxel.occupancy.state(params_) != Occupancy::occupied) return;
@@ -132,7 +164,7 @@ class VoxelBlockMap {
       summary.log_odds = highest;
     } else if (sank) {
       summary.log_odds = std::numeric_limits<S>::lowest();
-      for (const CellVoxel& voxel : to) {
+      for (const CellVoxel& voxel : to.voxels) {
         if (voxel.occupancy.state(params_) != Occupancy::unknown)
           summary.log_odds = std::max(summary.log_odds, voxel.occupancy.log_odds());
       }
@@ -142,22 +174,27 @@ class VoxelBlockMap {
     for (std::size_t l = 0; l < N; ++l) summary.votes[l] += sign * labels.votes(static_cast<std::uint8_t>(l));
   }
 
+  [[nodiscard]] static std::size_t first_in_block(const VoxelKey& key, int level) {
+    return Scan::index_in_block(pack(key_at_level(key, level)));
+  }
   /// A cell within a block, whose voxels lie side by side. @param first  place of its first voxel
   [[nodiscard]] MapVoxel cell_in_block(const Block& block, std::size_t first, int level) const {
     if (level == 0) {
-      const CellVoxel& voxel = block[first];
+      const CellVoxel& voxel = block.voxels[first];
       return {voxel.occupancy.state(params_), static_cast<float>(voxel.occupancy.log_odds()),
               voxel.labels.top(), static_cast<float>(voxel.labels.confidence())};
     }
     Summary sum;
-    for (std::size_t i = first; i < first + (std::size_t(1) << (3 * level)); ++i) sum.add(block[i], params_);
+    for (std::size_t i = first; i < first + (std::size_t(1) << (3 * level)); ++i)
+      sum.add(block.voxels[i], params_);
     return sum.describe(params_);
   }
   template <class F>
   void for_each_in_block(const Block& block, const VoxelKey& corner, const VoxelKey& low,
                          const VoxelKey& high, int level, F& f) const {
     const std::size_t step = std::size_t(1) << (3 * level);
-    for (std::size_t i = 0; i < block.size(); i += step) {
+    for (std::size_t i = 0; i < block.voxels.size(); i += step) {
+      if (block.state(i, level) != Occupancy::occupied) continue;
       const VoxelKey offset = Scan::offset_in_block(i);
       VoxelKey key;
       bool inside = true;
@@ -166,8 +203,7 @@ class VoxelBlockMap {
         inside = inside && key[a] <= high[a] && int(key[a]) + (1 << level) > int(low[a]);
       }
       if (!inside) continue;
-      const MapVoxel voxel = cell_in_block(block, i, level);
-      if (voxel.state == Occupancy::occupied) f(key, voxel);
+      f(key, cell_in_block(block, i, level));
     }
   }
 

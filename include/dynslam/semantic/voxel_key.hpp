@@ -74,7 +74,7 @@ class VoxelGrid {
 
   [[nodiscard]] double resolution() const { return resolution_; }
   /// Edge of a cell of the given level [m]; level 0 is the voxel.
-  [[nodiscard]] double edge(int level = 0) const { return std::ldexp(resolution_, level); }
+  [[nodiscard]] double edge(int level = 0) const { return resolution_ * voxels(level); }
 
   /// Key of the voxel that holds a point; nullopt outside the grid (or NaN). Computed in double whatever the
   /// point's type, as OctoMap does.
@@ -102,7 +102,7 @@ class VoxelGrid {
     const VoxelKey low = key_at_level(key, level);
     Eigen::Vector3d c;
     for (std::size_t i = 0; i < 3; ++i)
-      c(static_cast<Eigen::Index>(i)) = (int(low[i]) - 32768 + std::ldexp(0.5, level)) * resolution_;
+      c(static_cast<Eigen::Index>(i)) = (int(low[i]) - 32768 + voxels(level) / 2) * resolution_;
     return c;
   }
 
@@ -110,6 +110,8 @@ class VoxelGrid {
 
  private:
   static constexpr double kHalf = 32768.0;
+  /// Voxels along an edge of a cell; std::ldexp is a call.
+  [[nodiscard]] static double voxels(int level) { return static_cast<double>(std::uint32_t(1) << level); }
   double resolution_, factor_;
 };
 
