@@ -320,10 +320,35 @@ def live():
                    *(f"{said['latency'][key]:.0f}" for key in ("median_ms", "p95_ms", "max_ms"))]])
 
 
+def compiling():
+    """What a file that uses a part of the core costs the compiler, g++ -O2, in seconds of one core of this machine and in
+    megabytes of memory: the headers alone; used; used and linked with `dynslam::core_instances`.
+
+    g++ -std=c++20 -O2 -c [-D DYNSLAM_CORE_INSTANCES] FILE"""
+    compiler = ["g++", "-std=c++20", "-O2", "-c", "-I", sq.ROOT / "include", "-isystem", "/usr/include/eigen3", "-o", "/dev/null"]
+    segmenter = (sq.ROOT / "tests/consumer/instances.cpp").read_text()
+    headers = "".join(re.findall(r"(?m)^#include.*\n", segmenter))
+    weights = (sq.ROOT / "bench/support/compile_static_weights.cpp").read_text()
+    rows = []
+    for name, source in (("`MotionSegmenter`", segmenter), ("`static_weights`", weights)):
+        cells = []
+        for text_of, options in ((headers if source is segmenter else re.sub(r"(?s)\nint main.*", "", source), []),
+                                 (source, []), (source, ["-D", "DYNSLAM_CORE_INSTANCES"])):
+            path = sq.WORK / "compiled.cpp"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text_of)
+            _, status, used = os.wait4(subprocess.Popen([*map(str, compiler), *options, str(path)]).pid, 0)
+            if status != 0:
+                sq.fail(f"{path} does not compile")
+            cells.append(f"{used.ru_utime:.1f} s, {used.ru_maxrss // 1024} MB")
+        rows.append([name, *cells])
+    return table(["what", "headers", "used", "with the library"], rows)
+
+
 SECTIONS = {"Trajectories": trajectories, "Masks": masks, "The paper's method": paper, "Composed sequences": composed,
             "Rendered sequences": rendered, "The demo": demo, "Loops": loops, "Readout measured": readout,
             "Readout times": readout_times, "Sizes and rates": rates, "Wrong masks": faults, "Networks": networks,
-            "Guests": guests, "Speed": speed, "Live": live}
+            "Guests": guests, "Speed": speed, "Live": live, "Compiling": compiling}
 
 HEAD = """# Results
 

@@ -79,46 +79,7 @@ class MotionSegmenter {
   /// @return valid until the next call
   template <ImageLike G, DepthImage D, LabelImage M = NoPrior, class OnStage = IgnoreStages>
   const Motion<S>& segment(const G& gray, const D& depth, double t, const SE3<S>& T_c_w, const M& prior = {},
-                           OnStage&& on_stage = {}) {
-    segmented_ = false;
-    motion_.T_c_w = T_c_w;
-    if (!accept_size(gray, depth, prior)) return motion_.refuse(MotionStatus::size_mismatch);
-    if (!std::isfinite(t) || (last_t_ && !(t > *last_t_))) return motion_.refuse(MotionStatus::time_not_later);
-    motion_.status = MotionStatus::ok;
-    motion_.matches.clear();
-    t_ = t;
-    pyramid_.build(gray, options_.reference.levels);
-    reference_.track(rolling(), pyramid_, T_c_w, prior, options_.reference, matches_);
-    check_pose(depth, T_c_w, prior);
-    on_stage(MotionStage::matching);
-    if (!motion_.ok()) return motion_;
-    judge_matches(depth, checked_.T_c_w);
-    on_stage(MotionStage::residuals);
-    grid_.reduce(depth, depth_, smooth_);
-    if (options_.method == Method::full) {
-      motion_.seeds = belief_.update(grid_, depth_, smooth_, t, depth_pose(checked_.T_c_w), shutter_, motion_.matches, cell_mask_);
-    } else {
-      belief_.forget_evidence(grid_);
-      const MaskGrowingResult grown = regions_.find(motion_.matches, grid_, depth_, options_.regions, options_.growing,
-                                                    options_.belief.supports, cell_mask_);
-      motion_.seeds = grown.seeds;
-      motion_.regions_leaked = grown.regions_leaked;
-    }
-    motion_.verified = belief_.evidence().rested;
-    on_stage(MotionStage::free_space);
-    if (options_.pose_check.use && covers_view()) return refuse(MotionStatus::covers_view);
-    upsample_mask(cell_mask_.view(), depth_, depth, grid_, motion_.mask.view(), zone_);
-    if (options_.method == Method::full && motion_.seeds > 0)
-      complete_unmeasured(pyramid_.image(0), depth, motion_.mask.view(), options_.unmeasured, unmeasured_);
-    const int margin = static_cast<int>(std::lround(options_.margin * depth.width()));
-    if (options_.method == Method::full && motion_.seeds > 0 && margin > 0) {
-      std::swap(motion_.mask, found_);
-      dilate(found_.view(), motion_.mask.view(), margin, morphology_);
-    }
-    segmented_ = true;
-    on_stage(MotionStage::growing);
-    return motion_;
-  }
+                           OnStage&& on_stage = {});
 
   /// The pose of a frame that is to be segmented next, for hosts whose own pose is not yet to be trusted:
   /// what moves spoils it, and a spoilt pose makes the room move. Found from the reference keypoints alone,
@@ -126,25 +87,7 @@ class MotionSegmenter {
   /// @param T_c_w_predicted  by the motion so far, in the world of the poses given to `remember`
   /// @param prior            a-priori mask of what may move: what is on it does not count; 0 x 0 without one
   template <ImageLike G, DepthImage D, LabelImage M = NoPrior>
-  PoseConsensusResult<S> locate(const G& gray, const D& depth, const SE3<S>& T_c_w_predicted,
-                                const M& prior = {}) {
-    PoseConsensusResult<S> located;
-    located.T_c_w = T_c_w_predicted;
-    if (!accept_size(gray, depth, prior)) {
-      located.status = PoseConsensusStatus::bad_input;
-      return located;
-    }
-    pyramid_.build(gray, options_.reference.levels);
-    for (int round = 0; round < options_.locating.rounds; ++round) {
-      reference_.track(rolling(), pyramid_, located.T_c_w, prior, options_.reference, matches_);
-      const PoseConsensusResult<S> next =
-          locate_reference(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(), depth,
-                           located.T_c_w, options_.locating, locating_);
-      if (!next.ok() || next.inliers <= located.inliers) break;
-      located = next;
-    }
-    return located;
-  }
+  PoseConsensusResult<S> locate(const G& gray, const D& depth, const SE3<S>& T_c_w_predicted, const M& prior = {});
 
   /// Marks what stands before the rest of the view (in_foreground() of its surfaces) with 255, before the
   /// frame is segmented. @return false, with nothing marked: an image of another size than the first one
@@ -166,15 +109,7 @@ class MotionSegmenter {
   /// per segmented frame; after a frame that was refused, or a second time, it does nothing.
   /// @param mask  what was taken for dynamic in the depth image in the end, of its size; 0 x 0: nothing
   template <LabelImage M>
-  void remember(const SE3<S>& T_c_w, const M& mask) {
-    if (!std::exchange(segmented_, false)) return;
-    last_t_ = t_;
-    const SE3<S> T = checked_.host ? T_c_w : checked_.T_c_w;
-    if (options_.method == Method::full) belief_.remember(grid_, depth_, t_, depth_pose(T), mask);
-    const bool wanted =
-        reference_.empty() || t_ - reference_t_ >= options_.own_reference.max_age || reference_stale();
-    if (options_.own_reference.use && wanted) take_reference(T);
-  }
+  void remember(const SE3<S>& T_c_w, const M& mask);
 
   /// Forgets all frames, as where the clock was set back or another sequence begins.
   void reset() {
@@ -350,6 +285,92 @@ class MotionSegmenter {
   Motion<S> motion_;
 };
 
+// Defined here, and so not inline: an explicit instantiation elsewhere (motion_segmenter_instances.hpp) keeps them out of
+// a program's own files.
+
+template <std::floating_point S, DifferentiableCamera Camera>
+  requires std::same_as<typename Camera::ScalarType, S>
+template <ImageLike G, DepthImage D, LabelImage M, class OnStage>
+const Motion<S>& MotionSegmenter<S, Camera>::segment(const G& gray, const D& depth, double t, const SE3<S>& T_c_w,
+                                                     const M& prior, OnStage&& on_stage) {
+  segmented_ = false;
+  motion_.T_c_w = T_c_w;
+  if (!accept_size(gray, depth, prior)) return motion_.refuse(MotionStatus::size_mismatch);
+  if (!std::isfinite(t) || (last_t_ && !(t > *last_t_))) return motion_.refuse(MotionStatus::time_not_later);
+  motion_.status = MotionStatus::ok;
+  motion_.matches.clear();
+  t_ = t;
+  pyramid_.build(gray, options_.reference.levels);
+  reference_.track(rolling(), pyramid_, T_c_w, prior, options_.reference, matches_);
+  check_pose(depth, T_c_w, prior);
+  on_stage(MotionStage::matching);
+  if (!motion_.ok()) return motion_;
+  judge_matches(depth, checked_.T_c_w);
+  on_stage(MotionStage::residuals);
+  grid_.reduce(depth, depth_, smooth_);
+  if (options_.method == Method::full) {
+    motion_.seeds = belief_.update(grid_, depth_, smooth_, t, depth_pose(checked_.T_c_w), shutter_, motion_.matches, cell_mask_);
+  } else {
+    belief_.forget_evidence(grid_);
+    const MaskGrowingResult grown = regions_.find(motion_.matches, grid_, depth_, options_.regions, options_.growing,
+                                                  options_.belief.supports, cell_mask_);
+    motion_.seeds = grown.seeds;
+    motion_.regions_leaked = grown.regions_leaked;
+  }
+  motion_.verified = belief_.evidence().rested;
+  on_stage(MotionStage::free_space);
+  if (options_.pose_check.use && covers_view()) return refuse(MotionStatus::covers_view);
+  upsample_mask(cell_mask_.view(), depth_, depth, grid_, motion_.mask.view(), zone_);
+  if (options_.method == Method::full && motion_.seeds > 0)
+    complete_unmeasured(pyramid_.image(0), depth, motion_.mask.view(), options_.unmeasured, unmeasured_);
+  const int margin = static_cast<int>(std::lround(options_.margin * depth.width()));
+  if (options_.method == Method::full && motion_.seeds > 0 && margin > 0) {
+    std::swap(motion_.mask, found_);
+    dilate(found_.view(), motion_.mask.view(), margin, morphology_);
+  }
+  segmented_ = true;
+  on_stage(MotionStage::growing);
+  return motion_;
+}
+
+template <std::floating_point S, DifferentiableCamera Camera>
+  requires std::same_as<typename Camera::ScalarType, S>
+template <ImageLike G, DepthImage D, LabelImage M>
+PoseConsensusResult<S> MotionSegmenter<S, Camera>::locate(const G& gray, const D& depth, const SE3<S>& T_c_w_predicted,
+                                                          const M& prior) {
+  PoseConsensusResult<S> located;
+  located.T_c_w = T_c_w_predicted;
+  if (!accept_size(gray, depth, prior)) {
+    located.status = PoseConsensusStatus::bad_input;
+    return located;
+  }
+  pyramid_.build(gray, options_.reference.levels);
+  for (int round = 0; round < options_.locating.rounds; ++round) {
+    reference_.track(rolling(), pyramid_, located.T_c_w, prior, options_.reference, matches_);
+    const PoseConsensusResult<S> next =
+        locate_reference(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(), depth,
+                         located.T_c_w, options_.locating, locating_);
+    if (!next.ok() || next.inliers <= located.inliers) break;
+    located = next;
+  }
+  return located;
+}
+
+template <std::floating_point S, DifferentiableCamera Camera>
+  requires std::same_as<typename Camera::ScalarType, S>
+template <LabelImage M>
+void MotionSegmenter<S, Camera>::remember(const SE3<S>& T_c_w, const M& mask) {
+  if (!std::exchange(segmented_, false)) return;
+  last_t_ = t_;
+  const SE3<S> T = checked_.host ? T_c_w : checked_.T_c_w;
+  if (options_.method == Method::full) belief_.remember(grid_, depth_, t_, depth_pose(T), mask);
+  const bool wanted =
+      reference_.empty() || t_ - reference_t_ >= options_.own_reference.max_age || reference_stale();
+  if (options_.own_reference.use && wanted) take_reference(T);
+}
+
 }  // namespace dynslam
+
+#include "dynslam/dynamics/motion_segmenter_instances.hpp"
 
 #include "dynslam/pop_macros.hpp"

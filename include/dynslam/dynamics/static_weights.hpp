@@ -300,4 +300,6 @@ template <DifferentiableCamera C, ImageLike A, ImageLike B, DepthImage D, class 
 
 }  // namespace dynslam
 
+#include "dynslam/dynamics/static_weights_instances.hpp"
+
 #include "dynslam/pop_macros.hpp"

@@ -100,6 +100,9 @@ class CellTree {
     std::uint64_t previous_ = 0;
   };
 
+  /// One cell alone.
+  [[nodiscard]] const Node* find(const VoxelKey& key, int level) const { return Finder(*this).find(key, level); }
+
   /// Calls f(corner, level, node) for the cells of at least `level` that are occupied and touch the keys
   /// [low, high], and goes no deeper than the cells for which it is called. In the order of the Z curve.
   template <class F>

@@ -61,7 +61,7 @@ class VoxelBlockMap {
   /// @param level  0 to 16
   [[nodiscard]] MapVoxel at(const VoxelKey& key, int level = 0) const {
     if (level >= Tree::kLeafLevel) {
-      const auto* cell = typename Tree::Finder(tree_).find(key, level);
+      const auto* cell = tree_.find(key, level);
       return cell == nullptr ? MapVoxel{} : cell->summary.describe(params_);
     }
     const auto found = index_.find(pack(key_at_level(key, ScanBlock::kLevel)));

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# A program that links dynslam::core_instances runs, and its own object has none of what the library has. One instance is
+# compiled here, as the library compiles it. Needs COMPILER, LAUNCHER (or empty), SOURCE (the tree), EIGEN, NM and WORK.
+file(REMOVE_RECURSE ${WORK})
+file(MAKE_DIRECTORY ${WORK})
+file(WRITE ${WORK}/instance.cpp "#define DYNSLAM_INSTANCE_SCALAR float
+#define DYNSLAM_INSTANCE_CAMERA Pinhole
+#include \"dynslam/dynamics/motion_segmenter_instances.hpp\"\n")
+function(run)
+  execute_process(COMMAND ${ARGN} WORKING_DIRECTORY ${WORK} RESULT_VARIABLE result OUTPUT_VARIABLE output ERROR_VARIABLE output)
+  if(NOT result EQUAL 0)
+    message(FATAL_ERROR "${ARGN}: ${result}\n${output}")
+  endif()
+  set(output "${output}" PARENT_SCOPE)
+endfunction()
+set(compile ${LAUNCHER} ${COMPILER} -std=c++20 -O1 -D DYNSLAM_CORE_INSTANCES -I ${SOURCE}/include -isystem ${EIGEN} -c)
+run(${compile} instance.cpp -o instance.o)
+run(${compile} ${SOURCE}/tests/consumer/instances.cpp -o program.o)
+run(${COMPILER} program.o instance.o -o program)
+run(${WORK}/program)
+run(${NM} -C --defined-only program.o)
+foreach(part IN ITEMS "::segment<" "static_weights<")
+  if(output MATCHES "${part}")
+    message(FATAL_ERROR "program.o has ${part}...> of its own")
+  endif()
+endforeach()
+run(${NM} -C --undefined-only program.o)
+if(NOT output MATCHES "::segment<")
+  message(FATAL_ERROR "program.o does not use the library's segment()")
+endif()
