@@ -34,7 +34,7 @@ with_progress "rendering the office" "$out/synth.log" "$dynslam" synth "$out/seq
 # evaluate NAME: errors of its trajectory and masks, and what is left of people in its map
 evaluate() {
   "$dynslam" eval "$out/$1" "$out/sequence" --map --json > "$out/$1/errors.json"
-  "$dynslam" eval-masks "$out/$1/masks" "$out/sequence/dynamic_mask" --json > "$out/$1/masks.json"
+  "$dynslam" eval-masks "$out/$1/masks" "$out/sequence/dynamic_mask" --moving --json > "$out/$1/masks.json"
 }
 # compare NAME OPTIONS...: a run, and what it is like
 compare() {
