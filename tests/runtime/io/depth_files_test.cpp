@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 
@@ -89,7 +90,7 @@ TEST_CASE("a background at infinity, most of the image, does not take depth in m
   const fs::path root = folder.path / "s";
   for (const char* name : {"color", "depth"}) fs::create_directories(root / name);
   write_image(root / "color" / "0.png", cv::Mat(64, 64, CV_8UC3, cv::Scalar::all(90)));
-  cv::Mat depth(64, 64, CV_32FC1, cv::Scalar(INFINITY));
+  cv::Mat depth(64, 64, CV_32FC1, cv::Scalar(std::numeric_limits<double>::infinity()));
   depth.rowRange(50, 64) = 2;
   test::write_npy(root / "depth" / "0.npy", depth);
   const Sequence sequence = load_sequence(root);
