@@ -162,7 +162,8 @@ def rendered():
 
 
 def demo():
-    """What `scripts/demo.sh` runs: ATE RMSE [cm] of each mode, the paper's method and dynslam's, and the IoU of the masks.
+    """What `scripts/demo.sh` runs: ATE RMSE [cm] of each mode, the paper's method and dynslam's, and the IoU of the masks
+    of what moves.
 
     scripts/demo.sh"""
     sequence = sq.rendered("demo", "--path", "xyz", "--seed", 2)
