@@ -33,13 +33,13 @@ RansacOptions<double> accuracy_options(std::uint64_t seed) {
   return options;
 }
 
-/// Errors over what least squares leaves, of 20 scenes.
+/// Errors over what least squares leaves, of 100 scenes: of a few, 95 % is the worst one, which differs by compiler.
 template <class Error>
 std::vector<double> excess(const std::string& name, SceneKind kind, double wrong, int unknowns,
                            const Error& error) {
   test::Rng rng(name);
   std::vector<double> all;
-  for (int k = 0; k < 20; ++k) {
+  for (int k = 0; k < 100; ++k) {
     const test::MatchedScene scene(rng, kind, 600, wrong, kNoise);
     const double least = kNoise * std::sqrt(0.5 * unknowns / scene.right_matches());
     all.push_back(error(scene, accuracy_options(static_cast<std::uint64_t>(k + 1))) / least);
