@@ -135,7 +135,11 @@ TEST_CASE("a pause holds the run, with its frame, masks, path and map in view, u
     CHECK(comes([&] { return tracked >= 12; }));
     looked.screen.press(ViewKey::pause);
     const ViewLayout layout = view_layout({});
-    // It rests: nothing new is tracked, and the picture says why.
+    // It rests: the picture says why, and nothing new is tracked.
+    CHECK(comes([&] {
+      const cv::Mat canvas = looked.screen.last();
+      return !canvas.empty() && pixels_in(canvas, layout.header, viewing::kHeld) > 20;
+    }));
     std::size_t held = 0;
     CHECK(comes([&] {
       const std::size_t now = tracked;
