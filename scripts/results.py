@@ -244,7 +244,7 @@ def faults():
 
 def networks():
     """A network on every frame, and ten times a second (`--segment-every auto`), fr1_xyz with two people: medians of seeds
-    1 to 3; frames per second of this machine.
+    1 to 3.
 
     dynslam run SEQ --dynamics both --model yolo11n-seg.onnx --segment-every N"""
     sequence = next((s for s in sq.recorded() if s.key == sq.RECORDED[5][0]), None)
@@ -253,9 +253,9 @@ def networks():
     variants = {"every": {"segment-every": "1"}, "auto": {"segment-every": "auto"}}
     by = measured(sequence, ["both"], [1, 2, 3], variants=variants, group="networks")
     names = {"every": "every frame", "auto": "`auto`, every third at 30 Hz"}
-    return table(["masks", "ATE [cm]", "recall", "IoU", "frames/s"],
+    return table(["masks", "ATE [cm]", "recall", "IoU"],
                  [[names[v], error(by[v, "both"]), text(median_of(by[v, "both"], "recall"), 2),
-                   text(median_of(by[v, "both"], "iou"), 2), text(median_of(by[v, "both"], "fps"), 0)] for v in variants])
+                   text(median_of(by[v, "both"], "iou"), 2)] for v in variants])
 
 
 def guests():
