@@ -327,21 +327,20 @@ def compiling():
 
     g++ -std=c++20 -O2 -c [-D DYNSLAM_CORE_INSTANCES] FILE"""
     compiler = ["g++", "-std=c++20", "-O2", "-c", "-I", sq.ROOT / "include", "-isystem", "/usr/include/eigen3", "-o", "/dev/null"]
-    segmenter = (sq.ROOT / "tests/consumer/instances.cpp").read_text()
-    headers = "".join(re.findall(r"(?m)^#include.*\n", segmenter))
-    weights = (sq.ROOT / "bench/support/compile_static_weights.cpp").read_text()
+    files = {"`MotionSegmenter`": "tests/consumer/instances.cpp", "`static_weights`": "bench/support/compile_static_weights.cpp"}
     rows = []
-    for name, source in (("`MotionSegmenter`", segmenter), ("`static_weights`", weights)):
+    for name, file in files.items():
+        used = (sq.ROOT / file).read_text(encoding="utf-8")
+        headers = used[:used.index("int main")]
         cells = []
-        for text_of, options in ((headers if source is segmenter else re.sub(r"(?s)\nint main.*", "", source), []),
-                                 (source, []), (source, ["-D", "DYNSLAM_CORE_INSTANCES"])):
+        for source, options in ((headers, []), (used, []), (used, ["-D", "DYNSLAM_CORE_INSTANCES"])):
             path = sq.WORK / "compiled.cpp"
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text_of)
-            _, status, used = os.wait4(subprocess.Popen([*map(str, compiler), *options, str(path)]).pid, 0)
+            path.write_text(source, encoding="utf-8")
+            _, status, cost = os.wait4(subprocess.Popen([*map(str, compiler), *options, str(path)]).pid, 0)
             if status != 0:
                 sq.fail(f"{path} does not compile")
-            cells.append(f"{used.ru_utime:.1f} s, {used.ru_maxrss // 1024} MB")
+            cells.append(f"{cost.ru_utime:.1f} s, {cost.ru_maxrss // 1024} MB")
         rows.append([name, *cells])
     return table(["what", "headers", "used", "with the library"], rows)
 

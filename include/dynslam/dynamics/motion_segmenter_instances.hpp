@@ -26,14 +26,7 @@ namespace dynslam {
   Extern template void MotionSegmenter<S, Camera<S>>::remember(const SE3<S>&,                         \
                                                                const ImageView<const std::uint8_t>&); \
   Extern template void MotionSegmenter<S, Camera<S>>::remember(const SE3<S>&, const Image<std::uint8_t>&)
-#ifdef DYNSLAM_INSTANCE_SCALAR  // a source of the library, which has one of them
-DYNSLAM_MOTION_SEGMENTER(, DYNSLAM_INSTANCE_SCALAR, DYNSLAM_INSTANCE_CAMERA);
-#else
-DYNSLAM_MOTION_SEGMENTER(extern, float, Pinhole);
-DYNSLAM_MOTION_SEGMENTER(extern, double, Pinhole);
-DYNSLAM_MOTION_SEGMENTER(extern, float, AnyCamera);
-DYNSLAM_MOTION_SEGMENTER(extern, double, AnyCamera);
-#endif
+DYNSLAM_FOR_INSTANCES(DYNSLAM_MOTION_SEGMENTER);
 #undef DYNSLAM_MOTION_SEGMENTER
 
 }  // namespace dynslam

@@ -15,6 +15,16 @@
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/image/image_view.hpp"
 
+#ifdef DYNSLAM_INSTANCE_SCALAR  // a source of the library, which has one of them
+#define DYNSLAM_FOR_INSTANCES(f) f(, DYNSLAM_INSTANCE_SCALAR, DYNSLAM_INSTANCE_CAMERA)
+#else
+#define DYNSLAM_FOR_INSTANCES(f) \
+  f(extern, float, Pinhole);     \
+  f(extern, double, Pinhole);    \
+  f(extern, float, AnyCamera);   \
+  f(extern, double, AnyCamera)
+#endif
+
 namespace dynslam {
 
 #define DYNSLAM_STATIC_WEIGHTS(Extern, S, Camera)                                                          \
@@ -23,14 +33,7 @@ namespace dynslam {
       const Camera<S>&, std::span<const KeypointMatch<S>>, const ImageView<const std::uint8_t>&,           \
       const ImageView<const std::uint8_t>&, const ImageView<const float>&, const SE3<S>&,                  \
       const StaticWeightsOptions<S>&, StaticWeightsWorkspace<S>&)
-#ifdef DYNSLAM_INSTANCE_SCALAR  // a source of the library, which has one of them
-DYNSLAM_STATIC_WEIGHTS(, DYNSLAM_INSTANCE_SCALAR, DYNSLAM_INSTANCE_CAMERA);
-#else
-DYNSLAM_STATIC_WEIGHTS(extern, float, Pinhole);
-DYNSLAM_STATIC_WEIGHTS(extern, double, Pinhole);
-DYNSLAM_STATIC_WEIGHTS(extern, float, AnyCamera);
-DYNSLAM_STATIC_WEIGHTS(extern, double, AnyCamera);
-#endif
+DYNSLAM_FOR_INSTANCES(DYNSLAM_STATIC_WEIGHTS);
 #undef DYNSLAM_STATIC_WEIGHTS
 
 }  // namespace dynslam

@@ -369,8 +369,7 @@ class NearestSearch {
 }  // namespace detail
 
 /// Nearest occupied cell within `radius` of a point, be it exactly so far away, by descent through coarse
-/// cells: some tens of them are asked for, near and far. Ties go to the lower key, so the answer is the same
-/// in every run.
+/// cells, nearer ones first. Ties go to the lower key, so the answer is the same in every run.
 template <VoxelMap M>
 [[nodiscard]] NearestResultOf<M> nearest_obstacle(const M& map, const QueryVector& p, double radius,
                                                   int level = 0) {
