@@ -104,6 +104,7 @@
 #include "dynslam/map/point_maker.hpp"
 #include "dynslam/optim/absolute_pose.hpp"
 #include "dynslam/optim/banded_system.hpp"
+#include "dynslam/optim/block_sparse_system.hpp"
 #include "dynslam/optim/bundle_adjustment.hpp"
 #include "dynslam/optim/image_alignment.hpp"
 #include "dynslam/optim/levenberg_marquardt.hpp"

@@ -11,6 +11,7 @@
 #include "dynslam/geometry/p3p.hpp"
 #include "dynslam/optim/absolute_pose.hpp"
 #include "dynslam/optim/banded_system.hpp"
+#include "dynslam/optim/block_sparse_system.hpp"
 #include "dynslam/optim/pose.hpp"
 #include "dynslam/optim/pose_consensus.hpp"
 #include "dynslam/optim/pose_step.hpp"
@@ -115,6 +116,14 @@ void trajectories(test::Record<double>& out) {
   chain.at(0, 0) = chain.at(1, 0) = S(2);
   chain.at(0, 1) = S(1);
   out.put("banded_system.factor", chain.factor());
+  BlockSparseSystem<S, 1> graph;
+  graph.reset(3, std::array<std::array<int, 2>, 2>{{{0, 2}, {2, 1}}});
+  for (int k = 0; k < 3; ++k) graph.block(graph.diagonal(k))[0] = S(2);
+  graph.block(graph.place(2, 0))[0] = graph.block(graph.place(2, 1))[0] = S(1);
+  out.put("block_sparse_system.factor", graph.factor());
+  std::array<S, 3> x{S(1), S(2), S(3)};
+  graph.solve(x);
+  out.put("block_sparse_system.solve", static_cast<double>(x[2]));
 }
 
 template <class Camera>

@@ -4,8 +4,6 @@
 #include "dynslam/push_macros.hpp"
 
 #include <Eigen/Core>
-#include <Eigen/SparseCholesky>
-#include <Eigen/SparseCore>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -17,6 +15,7 @@
 
 #include "dynslam/concepts/robust.hpp"
 #include "dynslam/geometry/se3.hpp"
+#include "dynslam/optim/block_sparse_system.hpp"
 #include "dynslam/optim/levenberg_marquardt.hpp"
 #include "dynslam/optim/normal_equations.hpp"
 #include "dynslam/robust/kernels.hpp"
@@ -73,17 +72,15 @@ struct PoseGraphResult {
   }
 };
 
-/// Memory of optimize_pose_graph; keep it between calls. What Eigen's sparse factorisation needs beside it is
-/// allocated in every call.
+/// Memory of optimize_pose_graph; keep it between calls. The order of a new graph allocates in every call.
 template <Scalar S>
 struct PoseGraphWorkspace {
-  std::vector<int> column;             // per pose: index among the free ones, -1 fixed
-  std::vector<std::vector<int>> rows;  // per block column: its blocks of the lower triangle, sorted
-  std::vector<Eigen::Triplet<S>> triplets;
-  std::vector<SE3<S>> before;  // poses before the trial step
-  Eigen::SparseMatrix<S> H;    // lower triangle
-  Eigen::Matrix<S, Eigen::Dynamic, 1> b, step, undamped;
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<S>> factor;
+  std::vector<int> column;                // per pose: index among the free ones, -1 fixed
+  std::vector<std::array<int, 2>> pairs;  // free poses with an edge between them
+  std::vector<std::size_t> place;         // per edge: its block in H
+  std::vector<SE3<S>> before;             // poses before the trial step
+  BlockSparseSystem<S, 6> H;
+  std::vector<S> b, step, undamped;
 };
 
 /// Error of an edge: log(T_j_w T_w_i T_i_j), zero where the poses agree with the measurement.
@@ -130,9 +127,10 @@ class PoseGraphSolver {
     if (free_ == 0) return PoseGraphStatus::no_free_pose;
     if (free_ == count) return PoseGraphStatus::no_gauge;
     find_pattern();
-    ws_.b.resize(6 * free_);
-    ws_.step.resize(6 * free_);
-    ws_.undamped.resize(6 * free_);
+    const std::size_t unknowns = 6 * static_cast<std::size_t>(free_);
+    ws_.b.resize(unknowns);
+    ws_.step.resize(unknowns);
+    ws_.undamped.resize(unknowns);
     ws_.before.assign(graph_.poses.begin(), graph_.poses.end());
     return std::nullopt;
   }
@@ -150,20 +148,20 @@ class PoseGraphSolver {
   }
 
   void linearise() {
-    std::fill(ws_.H.valuePtr(), ws_.H.valuePtr() + ws_.H.nonZeros(), S(0));
-    std::fill_n(ws_.b.data(), ws_.b.size(), S(0));
-    for (const auto& e : graph_.edges) add_edge(e);
-    for (int k = 0; k < 6 * free_; ++k) ws_.undamped(k) = diagonal(k);
+    ws_.H.set_zero();
+    std::fill(ws_.b.begin(), ws_.b.end(), S(0));
+    for (std::size_t k = 0; k < graph_.edges.size(); ++k) add_edge(graph_.edges[k], ws_.place[k]);
+    for (std::size_t k = 0; k < ws_.undamped.size(); ++k) ws_.undamped[k] = diagonal(k);
   }
 
   [[nodiscard]] bool solve(const S& lambda) {
     // A pose without an edge has a zero block: it gets a unit one and stays.
-    for (int k = 0; k < 6 * free_; ++k)
-      diagonal(k) = ws_.undamped(k) > S(0) ? ws_.undamped(k) * (S(1) + lambda) : S(1);
-    ws_.factor.factorize(ws_.H);
-    if (ws_.factor.info() != Eigen::Success) return false;
-    ws_.step = ws_.factor.solve(ws_.b);
-    return all_finite(ws_.step.data(), ws_.step.size());
+    for (std::size_t k = 0; k < ws_.undamped.size(); ++k)
+      diagonal(k) = ws_.undamped[k] > S(0) ? ws_.undamped[k] * (S(1) + lambda) : S(1);
+    if (!ws_.H.factor()) return false;
+    ws_.step = ws_.b;
+    ws_.H.solve(ws_.step);
+    return all_finite(ws_.step.data(), static_cast<Eigen::Index>(ws_.step.size()));
   }
 
   [[nodiscard]] S apply() {
@@ -184,7 +182,6 @@ class PoseGraphSolver {
  private:
   using Matrix6 = Eigen::Matrix<S, 6, 6>;
   using Vector6 = Eigen::Matrix<S, 6, 1>;
-  using Index = Eigen::Index;
 
   [[nodiscard]] const SE3<S>& pose(int k) const { return graph_.poses[static_cast<std::size_t>(k)]; }
   [[nodiscard]] int column(int k) const { return ws_.column[static_cast<std::size_t>(k)]; }
@@ -192,31 +189,20 @@ class PoseGraphSolver {
     return dot6(r.data(), product6<S>(e.information, r).data());
   }
 
-  /// Pattern of the lower triangle in blocks of six.
   void find_pattern() {
-    ws_.rows.resize(static_cast<std::size_t>(free_));
-    for (int c = 0; c < free_; ++c) ws_.rows[static_cast<std::size_t>(c)].assign(1, c);
+    ws_.pairs.clear();
     for (const auto& e : graph_.edges) {
-      const int a = column(e.i), b = column(e.j);
-      if (a >= 0 && b >= 0) ws_.rows[static_cast<std::size_t>(std::min(a, b))].push_back(std::max(a, b));
+      if (column(e.i) >= 0 && column(e.j) >= 0) ws_.pairs.push_back({column(e.i), column(e.j)});
     }
-    ws_.triplets.clear();
-    for (int c = 0; c < free_; ++c) {
-      auto& r = ws_.rows[static_cast<std::size_t>(c)];
-      std::sort(r.begin(), r.end());
-      r.erase(std::unique(r.begin(), r.end()), r.end());
-      for (const int row : r) {
-        for (int x = 0; x < 6; ++x) {
-          for (int y = 0; y < 6; ++y) ws_.triplets.emplace_back(6 * row + y, 6 * c + x, S(1));
-        }
-      }
+    ws_.H.reset(free_, ws_.pairs);
+    ws_.place.assign(graph_.edges.size(), 0);
+    for (std::size_t k = 0; k < graph_.edges.size(); ++k) {
+      const int a = column(graph_.edges[k].i), b = column(graph_.edges[k].j);
+      if (a >= 0 && b >= 0) ws_.place[k] = ws_.H.place(std::max(a, b), std::min(a, b));
     }
-    ws_.H.resize(6 * free_, 6 * free_);
-    ws_.H.setFromTriplets(ws_.triplets.begin(), ws_.triplets.end());
-    ws_.factor.analyzePattern(ws_.H);
   }
 
-  void add_edge(const PoseGraphEdge<S>& e) {
+  void add_edge(const PoseGraphEdge<S>& e, std::size_t place) {
     std::array<Matrix6, 2> J;
     const Vector6 r = pose_graph_residual<S>(pose(e.i), pose(e.j), e.T_j_i, &J[0], &J[1]);
     const S weight = kernel_.weight(chi2(e, r));
@@ -227,21 +213,18 @@ class PoseGraphSolver {
       if (c[a] < 0) continue;
       const Matrix6 weighted = transposed_product6<S>(J[a], information);
       const Vector6 force = product6<S>(weighted, r);
-      for (int k = 0; k < 6; ++k) ws_.b(6 * c[a] + k) -= force(k);
-      add_block(c[a], c[a], product6<S>(weighted, J[a]));
-      if (c[1 - a] >= 0 && c[a] > c[1 - a]) add_block(c[a], c[1 - a], product6<S>(weighted, J[1 - a]));
+      for (int k = 0; k < 6; ++k) ws_.b[static_cast<std::size_t>(6 * c[a] + k)] -= force(k);
+      add_block(ws_.H.diagonal(c[a]), product6<S>(weighted, J[a]));
+      if (c[1 - a] >= 0 && c[a] > c[1 - a]) add_block(place, product6<S>(weighted, J[1 - a]));
     }
   }
-  void add_block(int row, int c, const Matrix6& block) {
-    const auto& r = ws_.rows[static_cast<std::size_t>(c)];
-    const Index offset = 6 * (std::lower_bound(r.begin(), r.end(), row) - r.begin());
-    for (int x = 0; x < 6; ++x) {
-      S* values = ws_.H.valuePtr() + ws_.H.outerIndexPtr()[6 * c + x] + offset;
-      for (int y = 0; y < 6; ++y) values[y] += block(y, x);
-    }
+  void add_block(std::size_t place, const Matrix6& block) {
+    auto& to = ws_.H.block(place);
+    for (std::size_t k = 0; k < to.size(); ++k) to[k] += block.data()[k];
   }
-  /// Of block column k / 6, whose own block comes first.
-  [[nodiscard]] S& diagonal(int k) { return ws_.H.valuePtr()[ws_.H.outerIndexPtr()[k] + k % 6]; }
+  [[nodiscard]] S& diagonal(std::size_t k) {
+    return ws_.H.block(ws_.H.diagonal(static_cast<int>(k / 6)))[7 * (k % 6)];
+  }
 
   const PoseGraph<S>& graph_;
   const PoseGraphOptions<S>& options_;
