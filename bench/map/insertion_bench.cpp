@@ -76,6 +76,7 @@ void memory_counters(benchmark::State& state, const Tree& tree, double bytes) {
     voxels += std::pow(8.0, int(tree.getTreeDepth() - it.getDepth()));
   state.counters["voxels"] = voxels;
   state.counters["heap_bytes_per_voxel"] = bytes / voxels;
+  state.counters["heap_MB"] = 1e-6 * bytes;
 }
 
 /// Whether the occupancy is OctoMap's; looked at once for each case.
@@ -134,6 +135,10 @@ void block_map(benchmark::State& state, const Case& c) {
     insert(map, voxels, c);
     benchmark::DoNotOptimize(map.blocks());
   }
+  const double start = heap_bytes();
+  VoxelBlockMap<S> map{voxels.grid()};
+  insert(map, voxels, c);
+  state.counters["heap_MB"] = 1e-6 * (heap_bytes() - start);
   per_keyframe(state, c);
 }
 

@@ -159,6 +159,7 @@
 #include "dynslam/semantic/scan_retention.hpp"
 #include "dynslam/semantic/scan_voxels.hpp"
 #include "dynslam/semantic/voxel.hpp"
+#include "dynslam/semantic/voxel_block.hpp"
 #include "dynslam/semantic/voxel_block_map.hpp"
 #include "dynslam/semantic/voxel_end.hpp"
 #include "dynslam/semantic/voxel_key.hpp"

@@ -63,7 +63,8 @@ TEST_CASE_TEMPLATE("voxels and their summaries count alike", S, float, double) {
     voxel.miss(params);
     CHECK(voxel.labels.total() == 2);
     CellSummary<S, N> summary, above;
-    summary.add(voxel, params);
+    summary.observe(voxel.occupancy.log_odds());
+    summary.count(voxel.labels);
     above.add(summary);
     CHECK(above.occupied(params));
     CHECK(above.describe(params).state == Occupancy::occupied);

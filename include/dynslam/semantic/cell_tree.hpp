@@ -14,8 +14,8 @@
 
 #include "dynslam/config.hpp"
 #include "dynslam/semantic/label_histogram.hpp"
+#include "dynslam/semantic/log_odds.hpp"
 #include "dynslam/semantic/map_voxel.hpp"
-#include "dynslam/semantic/voxel.hpp"
 #include "dynslam/semantic/voxel_key.hpp"
 
 namespace dynslam {
@@ -27,11 +27,14 @@ struct CellSummary {
   S log_odds = std::numeric_limits<S>::lowest();
   std::array<std::int64_t, N> votes{};
 
-  void add(const SemanticVoxel<S, N>& voxel, const LogOddsParams<S>& params) {
-    if (voxel.occupancy.state(params) == Occupancy::unknown) return;
+  /// A voxel of known log-odds belongs to it.
+  void observe(S value) {
     observed = true;
-    log_odds = std::max(log_odds, voxel.occupancy.log_odds());
-    for (std::size_t l = 0; l < N; ++l) votes[l] += voxel.labels.votes(static_cast<std::uint8_t>(l));
+    log_odds = std::max(log_odds, value);
+  }
+  /// @param sign  1 to add the votes of a voxel, -1 to take them back
+  void count(const LabelHistogram<N>& labels, int sign = 1) {
+    for (std::size_t l = 0; l < N; ++l) votes[l] += sign * labels.votes(static_cast<std::uint8_t>(l));
   }
   void add(const CellSummary& other) {
     observed = observed || other.observed;
@@ -101,7 +104,9 @@ class CellTree {
   };
 
   /// One cell alone.
-  [[nodiscard]] const Node* find(const VoxelKey& key, int level) const { return Finder(*this).find(key, level); }
+  [[nodiscard]] const Node* find(const VoxelKey& key, int level) const {
+    return Finder(*this).find(key, level);
+  }
 
   /// Calls f(corner, level, node) for the cells of at least `level` that are occupied and touch the keys
   /// [low, high], and goes no deeper than the cells for which it is called. In the order of the Z curve.
@@ -128,8 +133,7 @@ class CellTree {
         const std::size_t i = child_index(key, kVoxelLevels - depth_);
         std::int32_t next = tree_.node(path_[std::size_t(depth_)]).children[i];
         if (next == kNone) {
-          next = static_cast<std::int32_t>(tree_.nodes_.size());
-          tree_.nodes_.emplace_back();
+          next = tree_.add_node();
           tree_.node(path_[std::size_t(depth_)]).children[i] = next;
         }
         path_[std::size_t(++depth_)] = next;
@@ -172,6 +176,13 @@ class CellTree {
   [[nodiscard]] Node& node(std::int32_t n) { return nodes_[static_cast<std::size_t>(n)]; }
   [[nodiscard]] const Node& node(std::int32_t n) const { return nodes_[static_cast<std::size_t>(n)]; }
 
+  /// Grows by a quarter: doubled, nodes would take a tenth of a block map's memory.
+  [[nodiscard]] std::int32_t add_node() {
+    const std::size_t n = nodes_.size();
+    if (n == nodes_.capacity()) nodes_.reserve(n + n / 4 + 16);
+    nodes_.emplace_back();
+    return static_cast<std::int32_t>(n);
+  }
   void sum_up(std::int32_t n) {
     Summary sum;
     for (const std::int32_t child : node(n).children)

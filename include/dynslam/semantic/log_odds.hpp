@@ -37,6 +37,13 @@ struct LogOddsParams {
   S occupied = S(0);  ///< log-odds from which a cell is occupied
 };
 
+/// L(n|z_1:T) = L(n|z_1:T-1) + L(n|z_T) (Eq 12), clamped; unchanged where that is no number.
+template <std::floating_point S>
+[[nodiscard]] S fused_log_odds(S before, S measurement, const LogOddsParams<S>& params) {
+  const S sum = before + measurement;
+  return std::isnan(sum) ? before : std::clamp(sum, params.min, params.max);
+}
+
 /// Occupancy of one voxel: L(n|z_1:T) = L(n|z_1:T-1) + L(n|z_T) (Eq 12), clamped so that a changed
 /// world can be learnt again. The prior is 0.5, i.e. log-odds 0, which makes Eq (12) equal Eq (9).
 template <std::floating_point S>
@@ -45,9 +52,8 @@ class LogOddsCell {
   /// Adds the log-odds of one measurement. Infinite ones (a probability of 0 or 1) take the cell to its
   /// bounds; NaN is no measurement and changes nothing.
   void update(S measurement, const LogOddsParams<S>& params) {
-    const S sum = value_ + measurement;
-    if (std::isnan(sum)) return;
-    value_ = std::clamp(sum, params.min, params.max);
+    if (std::isnan(value_ + measurement)) return;
+    value_ = fused_log_odds(value_, measurement, params);
     observed_ = true;
   }
   [[nodiscard]] S log_odds() const { return value_; }

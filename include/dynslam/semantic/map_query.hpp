@@ -171,6 +171,14 @@ namespace detail {
     key[i] = static_cast<std::uint16_t>(std::clamp((int(key[i]) - 32768) * (1 << level) + 32768, 0, 65535));
   return key;
 }
+/// State of a cell by its key in the grid of its level. @param cells  a StateReader
+template <class Cells>
+[[nodiscard]] Occupancy state_of(Cells& cells, PackedKey coarse, int level) {
+  if constexpr (requires { cells.state(coarse); }) {
+    if (level == 0) return cells.state(coarse);
+  }
+  return cells.state(fine_key(coarse, level), level);
+}
 }  // namespace detail
 
 /// First occupied cell on the ray from `origin` along `direction` (any length but 0), be it exactly at the
@@ -210,22 +218,28 @@ template <VoxelMap M>
   result.status = RayStatus::free;
   result.distance = reach;
   detail::StateReader<M> cells(map);
-  const auto look = [&](PackedKey packed) {
-    const VoxelKey key = detail::fine_key(packed, level);
-    const Occupancy state = cells.state(key, level);
-    const bool unknown = state == Occupancy::unknown;
-    result.unknown_cells += unknown ? 1 : 0;
-    if (state != Occupancy::occupied && !(unknown && options.stop_at_unknown)) return true;
-    result.status = unknown ? RayStatus::unknown : RayStatus::hit;
-    result.cell = {grid.centre(key, level), grid.edge(level), map.at(key, level), 0.0};
-    result.cell.distance = distance_to_cell(origin, result.cell.centre, result.cell.edge);
-    result.distance = std::min(reach, enter(result.cell.centre, result.cell.edge));
+  PackedKey at = 0;
+  const auto may_pass = [&](PackedKey packed) {
+    const Occupancy state = detail::state_of(cells, packed, level);
+    result.unknown_cells += state == Occupancy::unknown ? 1U : 0U;
+    const bool stops =
+        state == Occupancy::occupied || (state == Occupancy::unknown && options.stop_at_unknown);
+    if (!stops) [[likely]]
+      return true;
+    result.status = state == Occupancy::occupied ? RayStatus::hit : RayStatus::unknown;
+    at = packed;
     return false;
   };
   const VoxelGrid coarse(grid.edge(level));
-  traverse_ray(coarse, origin, end, look);
-  if (result.status == RayStatus::free)
-    look(pack(*coarse.key(end)));  // the traversal leaves the last cell out
+  traverse_ray(coarse, origin, end, may_pass);
+  // The traversal leaves the last cell out.
+  if (result.status == RayStatus::free) (void)may_pass(pack(*coarse.key(end)));
+  if (result.blocked()) {
+    const VoxelKey key = detail::fine_key(at, level);
+    result.cell = {grid.centre(key, level), grid.edge(level), map.at(key, level), 0.0};
+    result.cell.distance = distance_to_cell(origin, result.cell.centre, result.cell.edge);
+    result.distance = std::min(reach, enter(result.cell.centre, result.cell.edge));
+  }
   if (result.status == RayStatus::free && to_border && options.stop_at_unknown) {
     result.status = RayStatus::unknown;
     result.cell.centre = end;

@@ -38,6 +38,10 @@ struct ScanBlock {
   std::int32_t ends = -1;  ///< index of the block's table of surface voxels
 
   [[nodiscard]] VoxelKey key() const { return unpack(base); }
+  /// `base` of the block that holds a voxel.
+  [[nodiscard]] static constexpr PackedKey base_of(PackedKey voxel) {
+    return voxel & ~(PackedKey(7) | PackedKey(7) << 21 | PackedKey(7) << 42);
+  }
 };
 
 /// The voxels that one scan touches, each once: occupied where it ends, free where it passes (occupied wins).
@@ -129,8 +133,8 @@ class BasicScanVoxels {
     PackedKey base = kNoBlock;
     std::uint64_t* miss = nullptr;
     return traverse_ray(grid_, origin, end, [&](PackedKey key) {
-      if ((key & ~kInBlock) != base) {  // most steps stay in their block
-        base = key & ~kInBlock;
+      if (ScanBlock::base_of(key) != base) {  // most steps stay in their block
+        base = ScanBlock::base_of(key);
         miss = blocks_[find_or_add(base)].miss.data();
       }
       const std::size_t i = index_in_block(key);
@@ -246,7 +250,6 @@ class BasicScanVoxels {
   }
 
   static constexpr PackedKey kNoBlock = ~PackedKey(0);
-  static constexpr PackedKey kInBlock = PackedKey(7) | PackedKey(7) << 21 | PackedKey(7) << 42;
   /// Row-major place in a block to place in Morton order.
   static constexpr std::array<std::uint16_t, 512> kMorton = [] {
     std::array<std::uint16_t, 512> table{};
@@ -257,7 +260,7 @@ class BasicScanVoxels {
   }();
 
   ScanBlock& block_of(PackedKey key) {
-    const PackedKey base = key & ~kInBlock;
+    const PackedKey base = ScanBlock::base_of(key);
     if (base != last_base_) {
       last_base_ = base;
       last_block_ = find_or_add(base);
