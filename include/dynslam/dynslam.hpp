@@ -141,7 +141,6 @@
 #include "dynslam/segment/pixel_runs.hpp"
 #include "dynslam/segment/region_growing.hpp"
 #include "dynslam/segment/support_planes.hpp"
-#include "dynslam/segment/valid_depth_share.hpp"
 #include "dynslam/semantic/carried_labels.hpp"
 #include "dynslam/semantic/cell_tree.hpp"
 #include "dynslam/semantic/depth_code.hpp"

@@ -44,7 +44,6 @@
 #include "dynslam/segment/pixel_runs.hpp"
 #include "dynslam/segment/region_growing.hpp"
 #include "dynslam/segment/support_planes.hpp"
-#include "dynslam/segment/valid_depth_share.hpp"
 #include "dynslam/semantic/carried_labels.hpp"
 #include "dynslam/semantic/map_scan.hpp"
 #include "image_kinds.hpp"
@@ -159,9 +158,6 @@ void growing_of(const ImageSet<S>& set, Record<double>& out) {
   grow("relative", step);
   grow("same_label", same);
   grow("smooth", smooth);
-  const auto measured = Kind::in(depth);
-  ValidDepthShare valid(measured);
-  out.put("valid_depth_share", valid.exceeded_by(1500, 0.3) ? 1 : 0);
   for (int u = 46; u < 56; ++u) Kind::out(seed)(u, 45) = Kind::out(seed)(u, 46) = 1;
   MaskGrowingWorkspace growing;
   const auto result = grow_mask(Kind::in(depth), Kind::out(seed), Kind::out(barrier),

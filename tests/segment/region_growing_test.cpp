@@ -4,6 +4,9 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <span>
 #include <utility>
@@ -151,6 +154,70 @@ TEST_CASE("two walls that a false seed each floods do not mask everything: all r
     CHECK(mask(1, 1) == 0);
     CHECK(mask(30, 10) == 255);
   }
+}
+
+TEST_CASE_TEMPLATE("a region has leaked where it is more than its share of all valid depth, to the pixel", S,
+                   float, double) {
+  test::Rng rng("share of valid depth");
+  RegionGrowingWorkspace ws;
+  int kept = 0, leaked = 0;
+  for (int trial = 0; trial < 60; ++trial) {
+    const int w = rng.integer(1, 300), h = rng.integer(1, 60);
+    Image<S> depth(w, h);
+    Image<std::uint8_t> mask(w, h), labels(w, h, 1);
+    const double holes = rng.uniform(0, 0.5), edges = rng.uniform(0, 0.6);
+    std::size_t valid = 0;
+    for (int v = 0; v < h; ++v) {
+      for (int u = 0; u < w; ++u) {
+        depth(u, v) = rng.chance(holes) ? S(0) : rng.chance(edges) ? S(3) : S(2);
+        if (rng.chance(0.05)) depth(u, v) = std::numeric_limits<S>::quiet_NaN();
+        if (depth(u, v) > S(0)) ++valid;
+      }
+    }
+    const FixedStep<S> fixed{S(0.1)};
+    const SameLabelStep same(labels, fixed);
+    std::vector<PixelIndex> seeds;
+    for (int k = 0; k < 6; ++k) seeds.push_back({rng.integer(0, w - 1), rng.integer(0, h - 1)});
+    const auto grow = [&](std::span<const PixelIndex> of, double share) {
+      RegionGrowingOptions options;
+      options.max_region_fraction = share;
+      options.max_total_fraction = 1;
+      return trial % 2 == 0 ? grow_regions(depth, of, fixed, options, mask, ws)
+                            : grow_regions(depth, of, same, options, mask, ws);
+    };
+    for (const PixelIndex& seed : seeds) {
+      const auto whole = grow({&seed, 1}, 1);
+      if (whole.regions == 0) continue;
+      // Rather more than its share, and rather less; the other seeds are looked at first, or not.
+      const double share = static_cast<double>(whole.pixels) / static_cast<double>(valid);
+      for (const double limit :
+           {share - 0.5 / static_cast<double>(valid), share + 0.5 / static_cast<double>(valid)}) {
+        CHECK(grow({&seed, 1}, limit).regions_leaked == (limit < share ? 1 : 0));
+      }
+    }
+    // All at once: each region as it is alone.
+    const double limit = rng.uniform(0.001, 0.6);
+    std::size_t pixels = 0;
+    int regions = 0, too_large = 0;
+    Image<std::uint8_t> taken(w, h);
+    for (const PixelIndex& seed : seeds) {
+      if (taken(seed.u, seed.v) != 0) continue;
+      const auto alone = grow({&seed, 1}, 1);
+      for (int i = 0; i < w * h; ++i) taken.data()[i] = std::max(taken.data()[i], mask.data()[i]);
+      if (alone.regions == 0) continue;
+      const bool leaks = static_cast<double>(alone.pixels) > std::floor(limit * static_cast<double>(valid));
+      too_large += leaks ? 1 : 0;
+      regions += leaks ? 0 : 1;
+      pixels += leaks ? 0 : alone.pixels;
+    }
+    const auto all = grow(seeds, limit);
+    CHECK(all.regions == regions);
+    CHECK(all.regions_leaked == too_large);
+    CHECK(all.pixels == pixels);
+    kept += regions;
+    leaked += too_large;
+  }
+  CHECK(std::min(kept, leaked) > 10);
 }
 
 TEST_CASE("growing says that sizes differ instead of reading beyond them") {

@@ -125,7 +125,6 @@ static_assert(!dynslam::GrowingCriterion<dynslam::FixedStep<float>, Image<float>
 using Step = dynslam::FixedStep<float>;
 using Labels = dynslam::SameLabelStep<Image<int>, Step>;
 using Normals = dynslam::SmoothSurfaceStep<Image<Eigen::Vector3f>, Step>;
-using Share = dynslam::ValidDepthShare<Image<float>>;
 using Features = dynslam::FeatureView;
 template <class T>
 using Span = std::span<const T>;

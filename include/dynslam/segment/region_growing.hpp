@@ -17,7 +17,6 @@
 #include "dynslam/segment/detail/growing_field.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
 #include "dynslam/segment/pixel_runs.hpp"
-#include "dynslam/segment/valid_depth_share.hpp"
 
 namespace dynslam {
 
@@ -71,10 +70,10 @@ struct RegionGrowingWorkspace {
 namespace detail {
 /// Drops the largest regions until the rest is at most this share of the valid depth. Of equal ones that with
 /// the first pixel row by row goes first, so the order of the seeds does not matter.
-template <class D>
-void drop_excess(ValidDepthShare<D>& valid, double share, int width, RegionGrowingWorkspace& workspace,
+template <class Field>
+void drop_excess(Field& field, double share, int width, RegionGrowingWorkspace& workspace,
                  RegionGrowingResult& result) {
-  if (!valid.exceeded_by(result.pixels, share)) return;
+  if (!field.more_than_share(result.pixels, share)) return;
   auto& regions = workspace.regions;
   for (auto& region : regions) {
     const auto place = [&](const PixelRun& r) { return std::int64_t(r.v) * width + r.begin; };
@@ -86,7 +85,7 @@ void drop_excess(ValidDepthShare<D>& valid, double share, int width, RegionGrowi
     return a.size != b.size ? a.size > b.size : a.first < b.first;
   });
   std::size_t dropped = 0;
-  while (dropped < regions.size() && valid.exceeded_by(result.pixels, share))
+  while (dropped < regions.size() && field.more_than_share(result.pixels, share))
     result.pixels -= regions[dropped++].size;
   regions.erase(regions.begin(), regions.begin() + static_cast<std::ptrdiff_t>(dropped));
   result.regions_excess = static_cast<int>(dropped);
@@ -125,7 +124,6 @@ RegionGrowingResult grow_regions(const D& depth, const Barrier& barrier, std::sp
                                  RegionGrowingWorkspace& workspace) {
   const int w = depth.width(), h = depth.height();
   GrowingField field(depth, barrier, criterion, workspace.words);
-  ValidDepthShare valid(depth);
   const auto smallest = static_cast<std::size_t>(std::max(0, options.min_region_pixels));
   workspace.runs.clear();
   workspace.regions.clear();
@@ -137,7 +135,7 @@ RegionGrowingResult grow_regions(const D& depth, const Barrier& barrier, std::sp
         options.connectivity == Connectivity::eight
             ? field.template take_region<Connectivity::eight>(seed.u, seed.v, workspace.runs)
             : field.template take_region<Connectivity::four>(seed.u, seed.v, workspace.runs);
-    const bool leaked = valid.exceeded_by(size, options.max_region_fraction);
+    const bool leaked = field.more_than_share(size, options.max_region_fraction);
     if (!leaked && size >= smallest) {
       ++result.regions;
       result.pixels += size;
@@ -147,7 +145,7 @@ RegionGrowingResult grow_regions(const D& depth, const Barrier& barrier, std::sp
       workspace.runs.resize(begin);
     }
   }
-  drop_excess(valid, options.max_total_fraction, w, workspace, result);
+  drop_excess(field, options.max_total_fraction, w, workspace, result);
   write_regions(workspace, mask);
   return result;
 }

@@ -34,11 +34,14 @@ struct GrowingWord {
   std::uint64_t open;    ///< may be entered: valid, in front of the barrier, not taken
   std::uint64_t joined;  ///< open, and so is the pixel to the right, which one may step to
 };
+/// What is known of a word of an image.
+enum class WordState : std::uint8_t { unknown, counted, seen };
+
 /// Memory of a GrowingField. The words of an image, row by row, in arrays of their own: pairs would be
 /// written as numbers and read as vectors, for which a processor waits.
 struct GrowingWords {
   std::vector<std::uint64_t> open, joined;
-  std::vector<std::uint8_t> seen;  ///< by word: whether it was looked at, without which it means nothing
+  std::vector<WordState> state;  ///< by word; without a look it means nothing
   /// By run of a region: -1 or 1 where the row above or below has nothing more for it, or 0.
   std::vector<std::int8_t> settled;
 };
@@ -61,11 +64,25 @@ class GrowingField {
     const std::size_t n = stride_ * static_cast<std::size_t>(height_);
     words_.open.resize(n);
     words_.joined.resize(n);
-    words_.seen.assign(n, 0);
+    words_.state.assign(n, WordState::unknown);
   }
 
   /// Whether a pixel may be entered and was not yet.
   [[nodiscard]] bool open(int u, int v) { return (words_.open[seen(word_of(u), v)] >> bit_of(u) & 1) != 0; }
+
+  /// Whether `pixels` are more than this share of the valid ones; of 1 or more never. No more of the image is
+  /// counted than that takes: of what was looked at it is known, and small regions, which most are, need few.
+  [[nodiscard]] bool more_than_share(std::size_t pixels, double share) {
+    if (share >= 1) return false;
+    const auto limit = [&] {
+      return static_cast<std::size_t>(std::max(0.0, share) * static_cast<double>(valid_));
+    };
+    while (pixels > limit()) {
+      if (counted_rows_ == height_) return true;
+      count_row(counted_rows_++);
+    }
+    return false;
+  }
 
   /// Takes everything that an open pixel reaches, and appends it. @return pixels
   template <Connectivity connectivity>
@@ -102,25 +119,42 @@ class GrowingField {
     return i;
   }
   std::size_t seen(int k, int v) { return seen(k, k, v); }
-  [[nodiscard]] bool is_seen(std::size_t word) const { return words_.seen[word] != 0; }
+  [[nodiscard]] bool is_seen(std::size_t word) const { return words_.state[word] == WordState::seen; }
   /// Looks at those of the words [k, last] of a row that nobody has looked at.
   [[gnu::noinline]] void look_along(int k, int last, int v) {
-    const std::size_t row = row_of(v);
-    const auto set = [&](std::size_t i, const GrowingWord& word) {
+    each_word(k, last, v, [&](std::size_t i, Depths z, int u) {
+      if (is_seen(i)) return;
+      const std::size_t before = valid_;
+      const GrowingWord word = look(z, u, v);
+      if (words_.state[i] == WordState::counted) valid_ = before;
       words_.open[i] = word.open;
       words_.joined[i] = word.joined;
-      words_.seen[i] = 1;
-    };
+      words_.state[i] = WordState::seen;
+    });
+  }
+  [[gnu::noinline]] void count_row(int v) {
+    each_word(0, static_cast<int>(stride_) - 1, v, [&](std::size_t i, Depths z, int) {
+      if (words_.state[i] != WordState::unknown) return;
+      valid_ += static_cast<std::size_t>(std::popcount(valid_bits(z)));
+      words_.state[i] = WordState::counted;
+    });
+  }
+  /// Calls f(index, depths, u) for the words [k, last] of a row. Beyond the image depths are 0.
+  template <class F>
+  void each_word(int k, int last, int v, const F& f) {
+    const std::size_t row = row_of(v);
     if constexpr (RowImage<D>) {
       const Depths z = depth_.row(v);
-      for (const int whole = (width_ - 1) / kWordPixels; k <= last && k < whole; ++k) {
-        const std::size_t i = row + static_cast<std::size_t>(k);
-        if (!is_seen(i)) set(i, look(z + k * kWordPixels, k * kWordPixels, v));
-      }
+      for (const int whole = (width_ - 1) / kWordPixels; k <= last && k < whole; ++k)
+        f(row + static_cast<std::size_t>(k), z + k * kWordPixels, k * kWordPixels);
     }
     for (; k <= last; ++k) {
-      const std::size_t i = row + static_cast<std::size_t>(k);
-      if (!is_seen(i)) set(i, look_at_copy(k * kWordPixels, v));
+      const int u = k * kWordPixels, n = std::min(kWordPixels + 1, width_ - u);
+      std::array<S, kWordPixels + 1> copy;
+      copy.fill(S(0));
+      const auto from = image_row(depth_, v);
+      for (int i = 0; i < n; ++i) copy[static_cast<std::size_t>(i)] = from[u + i];
+      f(row + static_cast<std::size_t>(k), copy.data(), u);
     }
   }
   void take(std::size_t word, std::uint64_t bits) {
@@ -231,17 +265,8 @@ class GrowingField {
     return false;
   }
 
-  /// Word of the 64 pixels from u on, fewer at the end of the row.
-  [[nodiscard, gnu::noinline]] GrowingWord look_at_copy(int u, int v) const {
-    const int n = std::min(kWordPixels + 1, width_ - u);
-    std::array<S, kWordPixels + 1> copy;
-    copy.fill(S(0));  // beyond the image
-    const auto row = image_row(depth_, v);
-    for (int i = 0; i < n; ++i) copy[static_cast<std::size_t>(i)] = row[u + i];
-    return look(copy.data(), u, v);
-  }
-  /// The same of depths one after the other.
-  [[nodiscard]] GrowingWord look(Depths z, int u, int v) const {
+  /// Word of the 64 pixels from u on, and counts those that are valid.
+  [[nodiscard]] GrowingWord look(Depths z, int u, int v) {
     constexpr bool kBarrier = !std::is_same_v<Barrier, NoBarrier>;
     std::uint64_t open = kAll, joined = kAll;
     bool after = true;  // whether the pixel after the word is open
@@ -250,11 +275,13 @@ class GrowingField {
       const LaneSteps steps = steps_of_lanes(z);
       joined = steps.joined;
       valid = steps.valid;
+      if (valid) valid_ += kWordPixels;
       if (valid && !kBarrier) return {open, joined};  // mostly
     }
     if (!valid) {
       open = valid_bits(z);
       after = is_valid_depth(z[kWordPixels]);
+      valid_ += static_cast<std::size_t>(std::popcount(open));
     }
     if constexpr (kBarrier) {
       const auto row = image_row(barrier_, v);
@@ -324,6 +351,8 @@ class GrowingField {
   GrowingWords& words_;
   int width_, height_;
   std::size_t stride_;
+  std::size_t valid_ = 0;  // pixels of the words that are not unknown
+  int counted_rows_ = 0;
 };
 
 }  // namespace dynslam::detail
