@@ -3,7 +3,6 @@
 
 #include "dynslam/push_macros.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -15,6 +14,7 @@
 
 #include "dynslam/geometry/detail/normalised_matches.hpp"
 #include "dynslam/geometry/so3.hpp"
+#include "dynslam/optim/small_cholesky.hpp"
 
 namespace dynslam::detail {
 
@@ -74,7 +74,13 @@ class SampsonEquations {
     }
   }
   /// J^T J and J^T r.
-  [[nodiscard]] Eigen::Matrix<double, 9, 9> A() const { return A_.template selfadjointView<Eigen::Lower>(); }
+  [[nodiscard]] Eigen::Matrix<double, 9, 9> A() const {
+    Eigen::Matrix<double, 9, 9> whole = A_;
+    for (int c = 1; c < 9; ++c) {
+      for (int r = 0; r < c; ++r) whole(r, c) = A_(c, r);
+    }
+    return whole;
+  }
   [[nodiscard]] const Eigen::Matrix<double, 9, 1>& b() const { return b_; }
 
  private:
@@ -104,13 +110,20 @@ struct RankTwoStep {
     using Vector9 = Eigen::Matrix<W, 9, 1>;
     const Vector9 f = as_vector(F).normalized(), n = as_vector<W>(cofactors(F)).normalized();
     Matrix9 A = equations.A();
-    const Vector9 An = A * n;
-    const W mean = A.trace() / 9, nAn = n.dot(An);
-    A +=
-        (nAn + mean) * n * n.transpose() - An * n.transpose() - n * An.transpose() + mean * f * f.transpose();
-    A.diagonal().array() += W(1e-12) * mean;
-    const Eigen::LLT<Matrix9> factors(A);
-    if (factors.info() != Eigen::Success) return std::nullopt;
+    Vector9 An = Vector9::Zero();
+    W mean = 0, nAn = 0;
+    for (int c = 0; c < 9; ++c) {
+      for (int r = 0; r < 9; ++r) An[r] += A(r, c) * n[c];
+      mean += A(c, c) / 9;
+    }
+    for (int r = 0; r < 9; ++r) nAn += n[r] * An[r];
+    for (int c = 0; c < 9; ++c) {
+      for (int r = 0; r < 9; ++r)
+        A(r, c) += (nAn + mean) * n[r] * n[c] - An[r] * n[c] - n[r] * An[c] + mean * f[r] * f[c];
+      A(c, c) += W(1e-12) * mean;
+    }
+    SmallCholesky<W, 9> factors;
+    if (!factors.compute(A)) return std::nullopt;
     const Vector9 step = factors.solve(n * n.dot(equations.b()) - equations.b());
     Matrix3 next = F / F.norm() + as_matrix<W>(step);
     for (int i = 0; i < 2; ++i) {  // Newton's for det = 0
@@ -137,8 +150,8 @@ struct EssentialStep {
     Eigen::Matrix<W, 6, 6> A = turns.transpose() * equations.A() * turns;
     // Five numbers determine E: one combination of the turns changes nothing.
     A.diagonal().array() += W(1e-10) * A.trace();
-    const Eigen::LLT<Eigen::Matrix<W, 6, 6>> factors(A);
-    if (factors.info() != Eigen::Success) return std::nullopt;
+    SmallCholesky<W, 6> factors;
+    if (!factors.compute(A)) return std::nullopt;
     const Eigen::Matrix<W, 6, 1> step = -factors.solve(turns.transpose() * equations.b());
     const Matrix3 left = SO3<W>::exp(step.template head<3>()).matrix(),
                   right = SO3<W>::exp(step.template tail<3>()).matrix();

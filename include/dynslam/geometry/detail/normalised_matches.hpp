@@ -3,7 +3,6 @@
 
 #include "dynslam/push_macros.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -17,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "dynslam/optim/small_cholesky.hpp"
 #include "dynslam/robust/consensus.hpp"
 #include "dynslam/robust/split_mix64.hpp"
 
@@ -261,8 +261,8 @@ template <std::same_as<double> W>
 [[nodiscard]] std::optional<Eigen::Matrix<W, 9, 1>> smallest_eigenvector(Eigen::Matrix<W, 9, 9> A,
                                                                          const Eigen::Matrix<W, 9, 1>& near) {
   A.diagonal().array() += 1e-14 * A.trace();
-  const Eigen::LLT<Eigen::Matrix<W, 9, 9>> factors(A);
-  if (factors.info() != Eigen::Success) return std::nullopt;
+  SmallCholesky<W, 9> factors;
+  if (!factors.compute(A)) return std::nullopt;
   Eigen::Matrix<W, 9, 1> v = near;
   for (int i = 0; i < 6; ++i) {
     Eigen::Matrix<W, 9, 1> next = factors.solve(v);
