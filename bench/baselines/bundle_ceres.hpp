@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Rival of bundle_adjust: Ceres with the same residuals and loss, its Schur complement dense or sparse.
+// Rival of bundle_adjust: Ceres with the same residuals and loss, Jacobians in closed form, its Schur
+// complement dense or sparse.
 #pragma once
 
 #include <cstddef>
@@ -10,14 +11,29 @@
 
 namespace dynslam::baselines {
 
-struct BundleCost {
-  Pinhole<double> camera;
-  PoseObservation<double> o;  // its point is the parameter
-  template <class T>
-  bool operator()(const T* pose, const T* point, T* r) const {
-    pose_residual(camera, o, pose, point, r);
+class BundleCost : public ceres::SizedCostFunction<3, 7, 3> {
+ public:
+  /// @param o  its point is the parameter
+  BundleCost(const Pinhole<double>& camera, const PoseObservation<double>& o) : camera_(camera), o_(o) {}
+  bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override {
+    const SE3d T = from_ceres(parameters[0]);
+    const Eigen::Vector3d point(parameters[1]), p = T * point;
+    Eigen::Vector3d r;
+    Eigen::Matrix3d by_point;
+    pose_residual(camera_, o_, p, r, jacobians != nullptr ? &by_point : nullptr);
+    Eigen::Map<Eigen::Vector3d>(residuals, 3) = r;
+    if (jacobians == nullptr) return true;
+    if (jacobians[0] != nullptr) put_pose_jacobian(by_point, p, jacobians[0]);
+    if (jacobians[1] != nullptr) {
+      Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> by_world(jacobians[1]);
+      by_world = by_point * T.rotation_matrix();
+    }
     return true;
   }
+
+ private:
+  Pinhole<double> camera_;
+  PoseObservation<double> o_;
 };
 
 /// Poses and points stay as they are. @param tolerance  relative decrease of the cost that ends it
@@ -31,13 +47,14 @@ struct BundleCost {
   shared.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   TLoss loss;
   ceres::Problem solved(shared);
+  auto* manifold = new LeftPoses;
   ceres::Solver::Options options;
   options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   for (const auto& o : problem.observations) {
     const auto i = static_cast<std::size_t>(o.pose), j = static_cast<std::size_t>(o.point);
-    solved.AddResidualBlock(new ceres::AutoDiffCostFunction<BundleCost, 3, 6, 3>(
-                                new BundleCost{camera, pose_observation(o, problem.points[j])}),
-                            &loss, poses[i].data(), points[j].data());
+    solved.AddResidualBlock(new BundleCost(camera, pose_observation(o, problem.points[j])), &loss,
+                            poses[i].data(), points[j].data());
+    solved.SetManifold(poses[i].data(), manifold);
     options.linear_solver_ordering->AddElementToGroup(points[j].data(), 0);
     options.linear_solver_ordering->AddElementToGroup(poses[i].data(), 1);
   }

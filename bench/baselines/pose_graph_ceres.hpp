@@ -1,62 +1,57 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Rival of optimize_pose_graph: Ceres as its pose-graph example does it, the rotation a quaternion with its
-// manifold. Its error (translation and twice the vector part of the relative rotation) is that of dynslam to
-// first order.
+// Rival of optimize_pose_graph: Ceres with the same errors and Jacobians.
 #pragma once
 
-#include <ceres/ceres.h>
-
+#include <Eigen/Cholesky>
+#include <algorithm>
 #include <cstddef>
 #include <vector>
 
+#include "baselines/se3_ceres.hpp"
 #include "dynslam/optim/pose_graph.hpp"
 
 namespace dynslam::baselines {
 
-struct PoseGraphCost {
-  SE3d T_j_i;
-  Eigen::Matrix<double, 6, 6> root;  // information = root^T root
-  template <class T>
-  bool operator()(const T* qi, const T* ti, const T* qj, const T* tj, T* r) const {
-    using Vector = Eigen::Matrix<T, 3, 1>;
-    const Eigen::Map<const Eigen::Quaternion<T>> q_i(qi), q_j(qj);
-    const Eigen::Map<const Vector> t_i(ti), t_j(tj);
-    // T_j_w T_w_i T_i_j, the identity where the poses agree with the measurement.
-    const Eigen::Quaternion<T> q_ji = q_j * q_i.conjugate();
-    const Vector t_ji = t_j - q_ji * t_i;
-    const Eigen::Quaternion<T> q =
-        q_ji * Eigen::Quaterniond(T_j_i.rotation_matrix()).conjugate().template cast<T>();
-    Eigen::Map<Eigen::Matrix<T, 6, 1>> out(r);
-    out.template head<3>() = t_ji - q * T_j_i.translation().template cast<T>();
-    out.template tail<3>() = T(2) * q.vec();
-    out = root.template cast<T>() * out.eval();
+class PoseGraphCost : public ceres::SizedCostFunction<6, 7, 7> {
+ public:
+  explicit PoseGraphCost(const PoseGraphEdge<double>& edge)
+      : T_j_i_(edge.T_j_i), root_(edge.information.llt().matrixU()) {}
+  bool Evaluate(const double* const* poses, double* residuals, double** jacobians) const override {
+    using Matrix6 = Eigen::Matrix<double, 6, 6>;
+    Matrix6 J[2];
+    const bool derive = jacobians != nullptr;
+    Eigen::Map<Eigen::Matrix<double, 6, 1>> out(residuals);
+    out = root_ * pose_graph_residual<double>(from_ceres(poses[0]), from_ceres(poses[1]), T_j_i_,
+                                              derive ? &J[0] : nullptr, derive ? &J[1] : nullptr);
+    for (int k = 0; derive && k < 2; ++k) {
+      if (jacobians[k] == nullptr) continue;
+      Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>> to(jacobians[k]);
+      to.leftCols<6>().noalias() = root_ * J[k];
+      to.col(6).setZero();
+    }
     return true;
   }
+
+ private:
+  SE3d T_j_i_;
+  Eigen::Matrix<double, 6, 6> root_;  // information = root^T root
 };
 
 /// The poses after Ceres has minimised; the graph stays as it is.
 [[nodiscard]] inline std::vector<SE3d> ceres_pose_graph(const PoseGraph<double>& graph, double tolerance) {
-  std::vector<Eigen::Quaterniond> q;
-  std::vector<Eigen::Vector3d> t;
-  for (const SE3d& T : graph.poses) {
-    q.emplace_back(T.rotation_matrix());
-    t.push_back(T.translation());
-  }
+  std::vector<CeresPose> poses;
+  for (const SE3d& T : graph.poses) poses.push_back(to_ceres(T));
   ceres::Problem problem;
-  auto* manifold = new ceres::EigenQuaternionManifold;
+  auto* manifold = new LeftPoses;
   for (const auto& e : graph.edges) {
-    const auto i = static_cast<std::size_t>(e.i), j = static_cast<std::size_t>(e.j);
-    const Eigen::Matrix<double, 6, 6> root = e.information.llt().matrixU();
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<PoseGraphCost, 6, 4, 3, 4, 3>(new PoseGraphCost{e.T_j_i, root}),
-        nullptr, q[i].coeffs().data(), t[i].data(), q[j].coeffs().data(), t[j].data());
-    problem.SetManifold(q[i].coeffs().data(), manifold);
-    problem.SetManifold(q[j].coeffs().data(), manifold);
+    double* const i = poses[static_cast<std::size_t>(e.i)].data();
+    double* const j = poses[static_cast<std::size_t>(e.j)].data();
+    problem.AddResidualBlock(new PoseGraphCost(e), nullptr, i, j);
+    problem.SetManifold(i, manifold);
+    problem.SetManifold(j, manifold);
   }
-  for (std::size_t k = 0; k < q.size(); ++k) {
-    if (graph.fixed[k] == 0) continue;
-    problem.SetParameterBlockConstant(q[k].coeffs().data());
-    problem.SetParameterBlockConstant(t[k].data());
+  for (std::size_t k = 0; k < poses.size(); ++k) {
+    if (graph.fixed[k] != 0) problem.SetParameterBlockConstant(poses[k].data());
   }
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
@@ -66,9 +61,9 @@ struct PoseGraphCost {
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
-  std::vector<SE3d> poses;
-  for (std::size_t k = 0; k < q.size(); ++k) poses.emplace_back(q[k], t[k]);
-  return poses;
+  std::vector<SE3d> result;
+  for (const CeresPose& pose : poses) result.push_back(from_ceres(pose.data()));
+  return result;
 }
 
 }  // namespace dynslam::baselines

@@ -163,8 +163,8 @@ void register_ours() {
   bench::add("pose_only/300_robust", name, "dynslam", [](benchmark::State& s) {
     ours<S>(s, 0.15, true, 1, TDistribution<S>::with_dimension(S(5), 1));
   });
-  bench::add("pose_only/300_robust_3_rounds", name, "dynslam", [](benchmark::State& s) {
-    ours<S>(s, 0.15, true, 3, TDistribution<S>::with_dimension(S(5), 1));
+  bench::add("pose_only/300_robust_2_rounds", name, "dynslam", [](benchmark::State& s) {
+    ours<S>(s, 0.15, true, 2, TDistribution<S>::with_dimension(S(5), 1));
   });
   for (const int percent : {15, 40}) {
     const std::string size = "/300_" + std::to_string(percent) + "_percent_wrong";
@@ -188,7 +188,7 @@ const bool registered = [] {
              [](benchmark::State& s) { ceres_solver(s, 0, false, false); });
   bench::add("pose_only/300_depth", "double", "ceres",
              [](benchmark::State& s) { ceres_solver(s, 0, true, false); });
-  for (const char* what : {"pose_only/300_robust", "pose_only/300_robust_3_rounds"})
+  for (const char* what : {"pose_only/300_robust", "pose_only/300_robust_2_rounds"})
     bench::add(what, "double", "ceres", [](benchmark::State& s) { ceres_solver(s, 0.15, true, true); });
   bench::add("pose_only/300_pixels", "double", "ceres_tiny",
              [](benchmark::State& s) { ceres_tiny(s, false); });

@@ -18,8 +18,9 @@ template <class S>
   return Pinhole<S>(S(535.4), S(539.2), S(320.1), S(247.6));
 }
 
-/// Points in the view of a camera at `T_c_w`, their pixels with noise of at most half a pixel, and a share of
-/// gross outliers, which tell of another place in the image.
+/// Points in the view of a camera at `T_c_w`, their pixels with noise of at most half a pixel, depths with
+/// that of a structured-light camera (Khoshelham 2012), and a share of gross outliers, which tell of another
+/// place in the image.
 template <class S>
 struct PoseProblem {
   SE3<S> T_c_w;
@@ -28,8 +29,8 @@ struct PoseProblem {
 };
 
 template <class S>
-[[nodiscard]] PoseProblem<S> pose_problem(int points, double outliers) {
-  Random random(7);
+[[nodiscard]] PoseProblem<S> pose_problem(int points, double outliers, unsigned seed = 7) {
+  Random random(seed);
   Eigen::Matrix<S, 6, 1> truth;
   truth << S(0.3), S(-0.2), S(0.1), S(0.05), S(-0.1), S(0.2);
   Eigen::Matrix<S, 6, 1> error;
@@ -49,10 +50,10 @@ template <class S>
     if (random.uniform(0.0, 1.0) < outliers) {
       x = Eigen::Matrix<S, 2, 1>(S(random.uniform(0, 640)), S(random.uniform(0, 480)));
     }
-    observation.x = x;
-    observation.depth = z;
-    observation.inv_sigma_px2 = S(1);
     const S sigma_z = S(0.001) + S(0.0019) * z * z;
+    observation.x = x;
+    observation.depth = z + sigma_z * S(random.normal());
+    observation.inv_sigma_px2 = S(1);
     observation.inv_sigma_z2 = S(1) / (sigma_z * sigma_z);
     problem.observations.push_back(observation);
   }

@@ -29,7 +29,9 @@ namespace dynslam {
 /// Options of optimize_pose.
 template <Scalar S>
 struct PoseOptions {
-  int rounds = 3;          ///< optimisations, each followed by a new choice of inliers
+  /// Optimisations, each followed by a new choice of inliers. A third one changes nothing: over 300 poses of
+  /// 300 points, 0 to 70 % of them wrong, errors after two and three are the same.
+  int rounds = 2;
   int max_iterations = 8;  ///< accepted or refused steps per round
   bool use_depth = true;
   S inlier_chi2_2d = S(kChiSquare95<2>);  ///< of an observation without depth
