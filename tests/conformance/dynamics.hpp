@@ -15,8 +15,8 @@
 #include "dynslam/dynamics/free_space_history.hpp"
 #include "dynslam/dynamics/keypoint_regions.hpp"
 #include "dynslam/dynamics/locate_reference.hpp"
-#include "dynslam/dynamics/method.hpp"
-#include "dynslam/dynamics/motion.hpp"
+#include "dynslam/dynamics/motion_method.hpp"
+#include "dynslam/dynamics/motion_result.hpp"
 #include "dynslam/dynamics/motion_belief.hpp"
 #include "dynslam/dynamics/motion_evidence.hpp"
 #include "dynslam/dynamics/motion_segmenter.hpp"
@@ -56,7 +56,7 @@ struct BoardSequence {
 
 /// What the segmenter makes of the sequence, exactly, and how much of the board it found.
 template <class Kind, class Camera>
-[[nodiscard]] Record<double> segmenter_results(Method method, double& found_share) {
+[[nodiscard]] Record<double> segmenter_results(MotionMethod method, double& found_share) {
   using S = typename Camera::ScalarType;
   static const BoardSequence<Camera> sequence;
   MotionSegmenterOptions<S> options;

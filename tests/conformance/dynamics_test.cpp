@@ -7,9 +7,9 @@ TEST_CASE_TEMPLATE("what moves is found in every kind of image alike", Kind, tes
                    test::RowMajorKind, test::ColumnMajorKind) {
   static double expected_share = 0;
   static const auto expected =
-      test::segmenter_results<test::OwnedKind, Pinhole<float>>(Method::full, expected_share);
+      test::segmenter_results<test::OwnedKind, Pinhole<float>>(MotionMethod::full, expected_share);
   double share = 0;
-  test::check_same(test::segmenter_results<Kind, Pinhole<float>>(Method::full, share), expected, 0);
+  test::check_same(test::segmenter_results<Kind, Pinhole<float>>(MotionMethod::full, share), expected, 0);
   CHECK(share == expected_share);
   test::check_same(test::weight_results<Kind, Pinhole<float>>(),
                    test::weight_results<test::OwnedKind, Pinhole<float>>(), 0);
@@ -21,7 +21,7 @@ TEST_CASE_TEMPLATE("what moves is found in every kind of image alike", Kind, tes
 TEST_CASE_TEMPLATE("what moves is found through every camera, in float and double", Camera,
                    DYNSLAM_CONFORMANCE_EACH_CAMERA) {
   double share = 0;
-  (void)test::segmenter_results<test::OwnedKind, Camera>(Method::full, share);
+  (void)test::segmenter_results<test::OwnedKind, Camera>(MotionMethod::full, share);
   CHECK(share > 0.4);
   const auto weights = test::weight_results<test::OwnedKind, Camera>();
   double right = 0;

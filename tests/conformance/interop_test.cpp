@@ -46,8 +46,8 @@ TEST_CASE("functions of images give the same on cv::Mat_ by view") {
 TEST_CASE("what moves is found in cv::Mat_ by view alike") {
   double expected_share = 0, share = 0;
   const auto expected =
-      test::segmenter_results<test::OwnedKind, Pinhole<float>>(Method::full, expected_share);
-  test::check_same(test::segmenter_results<MatKind, Pinhole<float>>(Method::full, share), expected, 0);
+      test::segmenter_results<test::OwnedKind, Pinhole<float>>(MotionMethod::full, expected_share);
+  test::check_same(test::segmenter_results<MatKind, Pinhole<float>>(MotionMethod::full, share), expected, 0);
   CHECK(share == expected_share);
   test::check_same(test::weight_results<MatKind, Pinhole<float>>(),
                    test::weight_results<test::OwnedKind, Pinhole<float>>(), 0);

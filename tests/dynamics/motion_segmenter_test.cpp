@@ -145,7 +145,7 @@ TEST_CASE_TEMPLATE("a board is found through lenses that the segmenter knows not
 TEST_CASE("the paper's path alone finds the board by its keypoints") {
   const Pinhole<double> camera(200, 200, 119.5, 89.5);
   MotionSegmenterOptions<double> options;
-  options.method = Method::paper;
+  options.method = MotionMethod::paper;
   const Outcome moving = run(camera, 1.5, options);
   CHECK(moving.overlap > 0.6);
   CHECK_FALSE(moving.wall_verified);

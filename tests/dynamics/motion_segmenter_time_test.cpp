@@ -29,7 +29,7 @@ class TimedScene {
       : segmenter(camera(), options), view(camera(), kTimedWidth, kTimedHeight) {}
 
   /// Looks at it and segments the image. The board moves by 1.5 m/s from `starts` on.
-  const Motion<S>& look(double t, double starts = std::numeric_limits<double>::infinity()) {
+  const MotionResult<S>& look(double t, double starts = std::numeric_limits<double>::infinity()) {
     MovingScene scene;
     scene.board.x() = -0.55 + (t > starts ? 1.5 * (t - starts) : 0);
     const SE3<double> T_w_c(SO3<double>::exp(Eigen::Vector3d(0, 0.04 * t, 0.02 * t)),
@@ -161,7 +161,7 @@ TEST_CASE_TEMPLATE("a frame whose time is not later than the last one's is refus
     if (k % 6 != 5) continue;
     for (const double wrong : {t, t - 0.01, t - 0.4, std::numeric_limits<double>::quiet_NaN(),
                                std::numeric_limits<double>::infinity()}) {
-      const Motion<S>& motion = scene.segmenter.segment(scene.view.gray.view(), scene.view.depth.view(),
+      const MotionResult<S>& motion = scene.segmenter.segment(scene.view.gray.view(), scene.view.depth.view(),
                                                         1.7e9 + wrong, scene.T_c_w);
       CHECK(motion.status == MotionStatus::time_not_later);
       CHECK(scene.masked() == 0);

@@ -37,7 +37,7 @@ struct Guest {
     return SE3<double>(SO3<double>::exp(Eigen::Vector3d(0, 0.002 * frame, 0.001 * frame)),
                        Eigen::Vector3d(0.004 * frame, -0.002 * frame, 0));
   }
-  const Motion<double>& step(int frame, const SE3<double>& T_c_w) {
+  const MotionResult<double>& step(int frame, const SE3<double>& T_c_w) {
     view.render(scene, camera_at(frame));
     const auto& motion = segmenter.segment(view.gray.view(), view.depth.view(), frame / 30.0, T_c_w);
     segmenter.remember(T_c_w, motion.mask);

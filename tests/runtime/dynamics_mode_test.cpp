@@ -59,18 +59,18 @@ TEST_CASE("additions are switched on by name: a list of values, which may be sho
 }
 
 TEST_CASE("the paper's method takes no addition, in run and in ablate; none is the baseline of run") {
-  for (const DynamicsMode mode : kModes) CHECK(additions(Method::paper, mode) == Additions::none());
-  CHECK(ablation_additions(Method::paper) == Additions::none());
-  CHECK(additions(Method::full, DynamicsMode::none) == Additions::none());
+  for (const DynamicsMode mode : kModes) CHECK(additions(MotionMethod::paper, mode) == Additions::none());
+  CHECK(ablation_additions(MotionMethod::paper) == Additions::none());
+  CHECK(additions(MotionMethod::full, DynamicsMode::none) == Additions::none());
 }
 
 TEST_CASE("the full method takes what a mode can use") {
   Additions both = Additions::all();
   both.proven_points = false;
-  CHECK(additions(Method::full, DynamicsMode::both) == both);
-  CHECK(additions(Method::full, DynamicsMode::geometric) == both);
-  CHECK(ablation_additions(Method::full) == both);
+  CHECK(additions(MotionMethod::full, DynamicsMode::both) == both);
+  CHECK(additions(MotionMethod::full, DynamicsMode::geometric) == both);
+  CHECK(ablation_additions(MotionMethod::full) == both);
   Additions semantic = both;
   semantic.strict_local_map = false;
-  CHECK(additions(Method::full, DynamicsMode::semantic) == semantic);
+  CHECK(additions(MotionMethod::full, DynamicsMode::semantic) == semantic);
 }

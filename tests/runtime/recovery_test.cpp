@@ -52,7 +52,7 @@ struct Recovery {
 };
 
 /// @param open  what is seen of the covered frames
-Recovery recovery(const cv::Rect& open, std::size_t recovered_frames, Method method = Method::full,
+Recovery recovery(const cv::Rect& open, std::size_t recovered_frames, MotionMethod method = MotionMethod::full,
                   const Loss& loss = {}) {
   const test::RenderedSequence& o = carried_camera();
   SlamOptions options;
@@ -110,7 +110,7 @@ TEST_CASE("frames of which little is seen are found when the camera is known on 
 TEST_CASE("over a long loss, too, which the motion before it does not tell") {
   const Loss loss{10, 19};
   const Recovery o =
-      recovery(cv::Rect(500, 100, 120, 150), PoseSearchOptions().recovered_frames, Method::full, loss);
+      recovery(cv::Rect(500, 100, 120, 150), PoseSearchOptions().recovered_frames, MotionMethod::full, loss);
   REQUIRE(o.lost.size() == loss.frames);
   CHECK(o.recovered.size() + 1 >= loss.frames);  // 17 with the curve alone
   check_recovered(o, 0.01);
@@ -130,7 +130,7 @@ TEST_CASE("a loss of more frames than are kept stays one, as does each with the 
     CHECK(o.recovered.empty());
     CHECK(o.trajectory.size() == kCarriedFrames - kLostFrames);
   }
-  const Recovery paper = recovery(kGlimpse, PoseSearchOptions().recovered_frames, Method::paper);
+  const Recovery paper = recovery(kGlimpse, PoseSearchOptions().recovered_frames, MotionMethod::paper);
   CHECK(paper.lost.size() >= kLostFrames);
   CHECK(paper.recovered.empty());
 }

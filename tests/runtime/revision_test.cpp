@@ -87,6 +87,6 @@ TEST_CASE("nothing is placed twice where rows are read at once, by the paper's m
   off.search.revise = false;
   CHECK(revisions(turning_camera().camera, off).count == 0);
   TrackerOptions paper;
-  paper.method = Method::paper;
+  paper.method = MotionMethod::paper;
   CHECK(revisions(turning_camera().camera, paper).count == 0);
 }

@@ -214,7 +214,7 @@ TEST_CASE("the trajectory is smoothed in the end, not before, and not where it s
   };
   SlamOptions as_tracked, paper;
   as_tracked.trajectory.smooth = false;
-  paper.tracker.method = Method::paper;
+  paper.tracker.method = MotionMethod::paper;
   SlamOptions paper_as_tracked = paper;
   paper_as_tracked.trajectory.smooth = false;
   CHECK(roughness_of({}, true) < 0.5 * roughness_of(as_tracked, true));
@@ -229,7 +229,7 @@ TEST_CASE("what the geometry found can be asked for, as long as the frame has a 
   for (const RawFrame& f : walk().frames) {
     const TrackResult result = slam.track(f.bgr, f.depth, f.t, std::nullopt, f.depth_delay);
     REQUIRE(result.ok());
-    const Motion<double>* motion = slam.motion();
+    const MotionResult<double>* motion = slam.motion();
     REQUIRE(motion != nullptr);
     if (result.mask_rejected != MaskVerdict::kept) continue;
     const cv::Mat mask(motion->mask.height(), motion->mask.width(), CV_8UC1,

@@ -69,7 +69,7 @@ TEST_CASE("without movers and masks the modes of an ablation give the same poses
   const test::TemporaryFolder masks, out;
   for (const FrameRecord& frame : load_sequence(sequence.path).frames)
     cv::imwrite((masks.path / (frame.stamp + ".png")).string(), cv::Mat::zeros(480, 640, CV_8UC1));
-  for (const auto method : {Method::paper, Method::full}) {
+  for (const auto method : {MotionMethod::paper, MotionMethod::full}) {
     for (const auto mode : {DynamicsMode::none, DynamicsMode::semantic}) {
       RunOptions o = options_for(sequence.path, out.path / std::string(to_string(mode)), mode);
       o.masks = masks.path;
@@ -99,7 +99,7 @@ TEST_CASE("the paper's method is the same in an ablation and in a run of each mo
   }
   RunOptions o = options_for(sequence.path, out.path / "ablation", DynamicsMode::none);
   o.map = false;
-  o.tracker.method = Method::paper;
+  o.tracker.method = MotionMethod::paper;
   CHECK(ablate(o, kNeverStop).rows.size() == 4);
   for (const auto mode :
        {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both}) {

@@ -14,7 +14,8 @@ namespace dynslam {
 
 /// How beliefs are pooled within a surface.
 struct PoolingOptions {
-  float coupling = 1.0F;  ///< weight of a neighbour on the same surface, beside 1 of what was seen of the cell itself
+  float coupling =
+      1.0F;  ///< weight of a neighbour on the same surface, beside 1 of what was seen of the cell itself
   RelativeStep<float> step{0.03F, 0.010F};  ///< of depth within a surface
   int sweeps = 3;                           ///< over rows and columns
 };
@@ -59,17 +60,18 @@ void solve_line(int n, PoolingWorkspace& ws, const System& system, const Write& 
 
 /// Pools log-odds within connected surfaces: minimises, by line relaxation,
 ///     sum_c confidence_c (x_c - belief_c)^2 + sum_(c,d) coupling_cd (x_c - x_d)^2,
-/// where neighbours are coupled as far as their depth is continuous. A cell that was seen itself keeps about its own
-/// belief, so a floor that was seen at rest stays static under the feet that stand on it; a cell of which nothing is known
-/// takes the belief of its surface.
+/// where neighbours are coupled as far as their depth is continuous. A cell that was seen itself keeps about
+/// its own belief, so a floor that was seen at rest stays static under the feet that stand on it; a cell of
+/// which nothing is known takes the belief of its surface.
 /// @param depth       of the cells [m], invalid = NaN
 /// @param confidence  of each cell's own belief, > 0
 /// @param belief      in and out: log-odds
 inline void pool_beliefs(const Image<float>& depth, const Image<float>& confidence, Image<float>& belief,
                          const PoolingOptions& options, PoolingWorkspace& ws) {
   const int w = depth.width(), h = depth.height();
-  DYNSLAM_ASSERT(confidence.width() == w && confidence.height() == h && belief.width() == w && belief.height() == h,
-                 "all images have one size");
+  DYNSLAM_ASSERT(
+      confidence.width() == w && confidence.height() == h && belief.width() == w && belief.height() == h,
+      "all images have one size");
   ws.right.resize(w, h);
   ws.down.resize(w, h);
   for (int v = 0; v < h; ++v) {

@@ -26,10 +26,12 @@
 
 namespace dynslam {
 
-/// Remembers reduced depth images with their poses and tells which surfaces of a new one lie in space that was seen to be
-/// free (they moved) or were there already (they are static): Eq (6) made dense and signed, over several ages.
+/// Remembers reduced depth images with their poses and tells which surfaces of a new one lie in space that
+/// was seen to be free (they moved) or were there already (they are static): Eq (6) made dense and signed,
+/// over several ages.
 ///
-/// Ages are differences of time stamps. After a gap longer than all `lags` the last view before it is compared.
+/// Ages are differences of time stamps. After a gap longer than all `lags` the last view before it is
+/// compared.
 template <std::floating_point S>
 class FreeSpaceHistory {
  public:
@@ -78,8 +80,9 @@ class FreeSpaceHistory {
     }
   }
 
-  /// Keeps the frame last checked, with the log-odds of motion of its cells, as evidence for later ones. Call it once per
-  /// frame, in order. Frames that come much faster than the first of `lags` asks for are left out, which bounds memory.
+  /// Keeps the frame last checked, with the log-odds of motion of its cells, as evidence for later ones. Call
+  /// it once per frame, in order. Frames that come much faster than the first of `lags` asks for are left
+  /// out, which bounds memory.
   /// @param t  of the frame, later than those remembered [s]
   void remember(const Image<float>& depth, double t, const SE3<S>& T_c_w, const Image<float>& belief) {
     last_ = {t, T_c_w};
@@ -182,7 +185,8 @@ class FreeSpaceHistory {
     }
   }
 
-  /// Greatest shift of the depth image beside its pose [cells]: of a point 1 m ahead in the time that is not known.
+  /// Greatest shift of the depth image beside its pose [cells]: of a point 1 m ahead in the time that is not
+  /// known.
   [[nodiscard]] int shift(const DepthGrid& grid, const SE3<S>& T_c_w) const {
     if (views_.empty()) return 0;
     const SE3<S> step = T_c_w * last_.T_c_w.inverse();
@@ -217,7 +221,8 @@ class FreeSpaceHistory {
     const View& view = views_[index];
     const Ages stands_for = ages_of(index);
     const bool shows_motion = stands_for.least > options_.lags.front();
-    const double old_lag = std::min(options_.old_lag, now_ - views_.back().t);  // a young sequence has nothing older
+    const double old_lag =
+        std::min(options_.old_lag, now_ - views_.back().t);  // a young sequence has nothing older
     const bool is_old = shows_motion && stands_for.most >= old_lag;
     const bool shows_rest = is_old && stands_for.most >= options_.rest_lag;
     const bool passes_belief_on = index == 0 || stands_for.least <= options_.follow_lag;
@@ -261,7 +266,8 @@ class FreeSpaceHistory {
           }
           break;
         }
-        case DepthEvidence::unknown: break;
+        case DepthEvidence::unknown:
+          break;
       }
     }
   }
@@ -304,7 +310,8 @@ class FreeSpaceHistory {
 
   /// find_cells() of the present frame and a view.
   [[nodiscard]] auto finder(const View& view) const {
-    return shutter_.moves || view.shutter.moves ? &FreeSpaceHistory::find_cells<true> : &FreeSpaceHistory::find_cells<false>;
+    return shutter_.moves || view.shutter.moves ? &FreeSpaceHistory::find_cells<true>
+                                                : &FreeSpaceHistory::find_cells<false>;
   }
 
   /// Where a view had the surfaces of the cells first, first + 1, ...: cell (-1: outside) and depth [m].
@@ -360,13 +367,13 @@ class FreeSpaceHistory {
   }
 
   FreeSpaceOptions options_;
-  GridShutter shutter_;      // of the frame last checked
-  double now_ = 0;           // and its time [s]
-  std::deque<View> views_;   // newest first
-  std::vector<View> spare_;  // memory of dropped views
-  Moment last_;              // frame last remembered, also where it was left out of the views
-  std::vector<float> ratio_;         // log-likelihood of motion to that of rest, by cell
-  std::vector<std::uint8_t> seen_;   // 1: in some view, 2: with its belief
+  GridShutter shutter_;             // of the frame last checked
+  double now_ = 0;                  // and its time [s]
+  std::deque<View> views_;          // newest first
+  std::vector<View> spare_;         // memory of dropped views
+  Moment last_;                     // frame last remembered, also where it was left out of the views
+  std::vector<float> ratio_;        // log-likelihood of motion to that of rest, by cell
+  std::vector<std::uint8_t> seen_;  // 1: in some view, 2: with its belief
   std::vector<std::uint8_t> violations_, support_;
   int shift_ = 0;  // of the frame last checked
   Image<std::uint8_t> surface_;

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "dynslam/dynamics/depth_grid.hpp"
-#include "dynslam/dynamics/motion.hpp"
+#include "dynslam/dynamics/motion_result.hpp"
 #include "dynslam/image/image.hpp"
 #include "dynslam/segment/connected_components.hpp"
 #include "dynslam/segment/mask_growing.hpp"
@@ -26,17 +26,18 @@ struct KeypointRegionOptions {
   int support = 8;  ///< dynamic ones that must be there, itself included, and not fewer than static ones
 };
 
-/// The paper's geometric mask (Sec. 3.3): regions of the depth image grown from dynamic keypoints. They enter no floor,
-/// wall or table (split_supports()), and one that holds as many static keypoints as dynamic ones has leaked, and is
-/// dropped. Memory is kept between frames.
+/// The paper's geometric mask (Sec. 3.3): regions of the depth image grown from dynamic keypoints. They enter
+/// no floor, wall or table (split_supports()), and one that holds as many static keypoints as dynamic ones
+/// has leaked, and is dropped. Memory is kept between frames.
 template <std::floating_point S>
 class KeypointRegions {
  public:
   /// @param depth  of the cells [m]
   /// @param mask   out: 255 in regions
-  MaskGrowingResult find(std::span<const JudgedMatch<S>> matches, const DepthGrid& grid, const Image<float>& depth,
-                         const KeypointRegionOptions& options, const MaskGrowingOptions& growing,
-                         const SupportPlaneOptions& supports, Image<std::uint8_t>& mask) {
+  MaskGrowingResult find(std::span<const JudgedMatch<S>> matches, const DepthGrid& grid,
+                         const Image<float>& depth, const KeypointRegionOptions& options,
+                         const MaskGrowingOptions& growing, const SupportPlaneOptions& supports,
+                         Image<std::uint8_t>& mask) {
     const S radius = S(options.radius * grid.image_width());
     const int w = grid.width(), h = grid.height();
     seed_.resize(w, h);
@@ -68,7 +69,8 @@ class KeypointRegions {
   }
 
  private:
-  void drop_static(std::span<const JudgedMatch<S>> matches, const DepthGrid& grid, Image<std::uint8_t>& mask) {
+  void drop_static(std::span<const JudgedMatch<S>> matches, const DepthGrid& grid,
+                   Image<std::uint8_t>& mask) {
     const int n = connected_components(mask, Connectivity::four, regions_, sizes_, components_);
     votes_.assign(static_cast<std::size_t>(n) + 1, 0);
     for (const JudgedMatch<S>& m : matches) {

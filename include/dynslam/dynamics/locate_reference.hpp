@@ -62,14 +62,17 @@ template <std::floating_point S, DepthImage D>
 }
 
 namespace detail {
-/// What the matches that are not masked tell of the present pose, and the surface that each of them stands for.
+/// What the matches that are not masked tell of the present pose, and the surface that each of them stands
+/// for.
 template <std::floating_point S, DepthImage D>
 void observe_reference(std::span<const KeypointMatch<S>> matches, const SE3<S>& T_ref_w, const D& depth,
-                       const SE3<S>& T_c_w_predicted, const LocateOptions<S>& options, LocateWorkspace<S>& workspace) {
+                       const SE3<S>& T_c_w_predicted, const LocateOptions<S>& options,
+                       LocateWorkspace<S>& workspace) {
   const SE3<S> T_w_ref = T_ref_w.inverse();
   workspace.observations.clear();
   for (const KeypointMatch<S>& match : matches) {
-    if (!match.masked) workspace.observations.push_back(reference_observation(match, T_w_ref, depth, options));
+    if (!match.masked)
+      workspace.observations.push_back(reference_observation(match, T_w_ref, depth, options));
   }
   surface_weights<S>(depth.width(), depth.height(), T_c_w_predicted, workspace.observations, options.surface,
                      workspace.weights);
@@ -78,7 +81,8 @@ void observe_reference(std::span<const KeypointMatch<S>> matches, const SE3<S>& 
 /// locate_reference() of what observe_reference() left in the workspace.
 template <std::floating_point S, DifferentiableCameraOf<S> Camera>
 [[nodiscard]] PoseConsensusResult<S> locate_observed(const Camera& camera, const SE3<S>& T_c_w_predicted,
-                                                     const LocateOptions<S>& options, LocateWorkspace<S>& workspace) {
+                                                     const LocateOptions<S>& options,
+                                                     LocateWorkspace<S>& workspace) {
   auto found = pose_consensus<S>(camera, workspace.observations, workspace.weights, T_c_w_predicted, {},
                                  options.consensus, workspace.consensus);
   if (!found.ok()) return found;
@@ -87,8 +91,8 @@ template <std::floating_point S, DifferentiableCameraOf<S> Camera>
     if (workspace.consensus.inlier[k] != 0) workspace.agreeing.push_back(workspace.observations[k]);
   }
   const PoseResult<S> pose =
-      optimize_pose(camera, std::span<const PoseObservation<S>>(workspace.agreeing), found.T_c_w, options.pose,
-                    TDistribution<S>::with_dimension(options.nu, 1), workspace.pose);
+      optimize_pose(camera, std::span<const PoseObservation<S>>(workspace.agreeing), found.T_c_w,
+                    options.pose, TDistribution<S>::with_dimension(options.nu, 1), workspace.pose);
   if (pose.ok()) found.T_c_w = pose.T_c_w;
   return found;
 }

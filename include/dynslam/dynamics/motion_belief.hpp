@@ -16,8 +16,8 @@
 #include "dynslam/dynamics/depth_grid.hpp"
 #include "dynslam/dynamics/free_space.hpp"
 #include "dynslam/dynamics/free_space_history.hpp"
-#include "dynslam/dynamics/motion.hpp"
 #include "dynslam/dynamics/motion_evidence.hpp"
+#include "dynslam/dynamics/motion_result.hpp"
 #include "dynslam/dynamics/moved_outlines.hpp"
 #include "dynslam/geometry/rolling_shutter.hpp"
 #include "dynslam/geometry/se3.hpp"
@@ -34,8 +34,8 @@ struct KeypointEvidenceOptions {
   float dynamic = 3.0F;    ///< log-likelihood ratio of motion of a dynamic keypoint
   float is_static = 1.0F;  ///< and against motion of a static one
   int reach = 2;           ///< cells around a keypoint
-  /// How near to something nearer, as a share of the image's width, a keypoint's patch may show the other's edge: such a
-  /// dynamic keypoint is no evidence for the surface behind.
+  /// How near to something nearer, as a share of the image's width, a keypoint's patch may show the other's
+  /// edge: such a dynamic keypoint is no evidence for the surface behind.
   double edge = 1 / 80.0;
 };
 
@@ -54,14 +54,16 @@ struct MotionBeliefOptions {
 
 /// The log-odds that what is seen moves, for each cell of the reduced depth image:
 ///  1. predicted: a surface that was there in an earlier view keeps its belief, which decays to a prior;
-///  2. observed: free space and support of earlier views (Eq 6, signed), keypoints (Eqs 3 to 7), and the outlines and
+///  2. observed: free space and support of earlier views (Eq 6, signed), keypoints (Eqs 3 to 7), and the
+///  outlines and
 ///     keypoints of whole surfaces each add a bounded log-likelihood ratio;
 ///  3. pooled over connected surfaces (pool_beliefs());
 ///  4. thresholded: dynamic where it is above 0.
 template <std::floating_point S>
 class MotionBelief {
  public:
-  explicit MotionBelief(const MotionBeliefOptions& options = {}) : options_(options), history_(options.free_space) {}
+  explicit MotionBelief(const MotionBeliefOptions& options = {})
+      : options_(options), history_(options.free_space) {}
 
   [[nodiscard]] const MotionEvidence& evidence() const { return evidence_; }
 
@@ -95,10 +97,11 @@ class MotionBelief {
   }
 
   /// Keeps the frame last updated as evidence for later ones.
-  /// @param mask  of the grid's image, nonzero where something was taken for dynamic in the end: elsewhere no belief in
-  /// motion is kept
+  /// @param mask  of the grid's image, nonzero where something was taken for dynamic in the end: elsewhere no
+  /// belief in motion is kept
   template <LabelImage M>
-  void remember(const DepthGrid& grid, const Image<float>& depth, double t, const SE3<S>& T_c_w, const M& mask) {
+  void remember(const DepthGrid& grid, const Image<float>& depth, double t, const SE3<S>& T_c_w,
+                const M& mask) {
     const bool usable = mask.width() == grid.image_width() && mask.height() == grid.image_height();
     for (std::size_t c = 0; c < grid.cells(); ++c) {
       const RecordedPixel p = usable ? grid.pixel_of(c) : RecordedPixel();
@@ -108,12 +111,14 @@ class MotionBelief {
     history_.remember(depth, t, T_c_w, evidence_.belief);
   }
 
-  /// Marks the cells of surfaces that stand before the rest of the view with 255; nothing need be known of motion.
+  /// Marks the cells of surfaces that stand before the rest of the view with 255; nothing need be known of
+  /// motion.
   void mark_foreground(const DepthGrid& grid, const Image<float>& depth, Image<std::uint8_t>& mask) {
     forget_evidence(grid);
     mask.fill(0);
     for (const SurfaceOutline& s : find_surfaces(grid, depth)) {
-      if (s.in_foreground(options_.outlines)) outlines_.for_each_cell(s, [&](int u, int v) { mask(u, v) = 255; });
+      if (s.in_foreground(options_.outlines))
+        outlines_.for_each_cell(s, [&](int u, int v) { mask(u, v) = 255; });
     }
   }
 
@@ -128,13 +133,13 @@ class MotionBelief {
  private:
   std::span<const SurfaceOutline> find_surfaces(const DepthGrid& grid, const Image<float>& depth) {
     split_supports(grid, depth, options_.pooling.step, options_.supports, plane_, supports_);
-    return watch_outlines(depth, evidence_, options_.pooling.step, plane_, options_.free_space.margins, options_.outlines,
-                          outlines_);
+    return watch_outlines(depth, evidence_, options_.pooling.step, plane_, options_.free_space.margins,
+                          options_.outlines, outlines_);
   }
 
   /// Adds keypoints to the cells around them, and counts those of each surface.
-  void add_keypoints(const DepthGrid& grid, const Image<float>& depth, std::span<const JudgedMatch<S>> matches,
-                     std::size_t surfaces) {
+  void add_keypoints(const DepthGrid& grid, const Image<float>& depth,
+                     std::span<const JudgedMatch<S>> matches, std::size_t surfaces) {
     const KeypointEvidenceOptions& o = options_.keypoints;
     const int w = grid.width(), h = grid.height();
     const int edge = static_cast<int>(std::lround(o.edge * w));

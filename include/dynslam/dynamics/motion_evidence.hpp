@@ -12,9 +12,9 @@ namespace dynslam {
 
 /// What is known of the cells of the present frame: the log-odds that what is seen there moves.
 struct MotionEvidence {
-  Image<float> belief;      ///< log-odds of motion
-  Image<float> confidence;  ///< in `belief`: 1 where the surface was seen before, little where it is new
-  Image<std::uint8_t> fresh;  ///< 1: where the space was seen to be free
+  Image<float> belief;         ///< log-odds of motion
+  Image<float> confidence;     ///< in `belief`: 1 where the surface was seen before, little where it is new
+  Image<std::uint8_t> fresh;   ///< 1: where the space was seen to be free
   Image<std::uint8_t> rested;  ///< 1: in the same place long before
   /// Depth of a surface that was there shortly before and is no more, for one sees past it; 0: none [m].
   Image<float> gone;

@@ -19,9 +19,9 @@
 #include "dynslam/dynamics/depth_grid.hpp"
 #include "dynslam/dynamics/keypoint_regions.hpp"
 #include "dynslam/dynamics/locate_reference.hpp"
-#include "dynslam/dynamics/method.hpp"
-#include "dynslam/dynamics/motion.hpp"
 #include "dynslam/dynamics/motion_belief.hpp"
+#include "dynslam/dynamics/motion_method.hpp"
+#include "dynslam/dynamics/motion_result.hpp"
 #include "dynslam/dynamics/motion_segmenter_options.hpp"
 #include "dynslam/dynamics/pose_check.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
@@ -59,13 +59,12 @@ class MotionSegmenter {
   using NoPrior = ImageView<const std::uint8_t>;
 
   explicit MotionSegmenter(const Camera& camera, const Options& options = {})
-      : camera_(camera), options_(options), belief_(options.belief) {
-  }
+      : camera_(camera), options_(options), belief_(options.belief) {}
 
   [[nodiscard]] const Options& options() const { return options_; }
 
-  /// The camera's motion from the next frame's grey image to its depth image, where they are not taken at once: in a fast
-  /// turn, 20 ms make the whole room stand elsewhere. Nullopt: at once, or nobody knows.
+  /// The camera's motion from the next frame's grey image to its depth image, where they are not taken at
+  /// once: in a fast turn, 20 ms make the whole room stand elsewhere. Nullopt: at once, or nobody knows.
   void set_depth_motion(const std::optional<SE3<S>>& T_depth_c) { T_depth_c_ = T_depth_c; }
 
   /// How the camera moves while the next frame's rows are read, colour and depth; poses are the middle row's.
@@ -78,8 +77,8 @@ class MotionSegmenter {
   /// @param on_stage  called with each MotionStage when it is done (to take times)
   /// @return valid until the next call
   template <ImageLike G, DepthImage D, LabelImage M = NoPrior, class OnStage = IgnoreStages>
-  const Motion<S>& segment(const G& gray, const D& depth, double t, const SE3<S>& T_c_w, const M& prior = {},
-                           OnStage&& on_stage = {});
+  const MotionResult<S>& segment(const G& gray, const D& depth, double t, const SE3<S>& T_c_w,
+                                 const M& prior = {}, OnStage&& on_stage = {});
 
   /// The pose of a frame that is to be segmented next, for hosts whose own pose is not yet to be trusted:
   /// what moves spoils it, and a spoilt pose makes the room move. Found from the reference keypoints alone,
@@ -87,7 +86,8 @@ class MotionSegmenter {
   /// @param T_c_w_predicted  by the motion so far, in the world of the poses given to `remember`
   /// @param prior            a-priori mask of what may move: what is on it does not count; 0 x 0 without one
   template <ImageLike G, DepthImage D, LabelImage M = NoPrior>
-  PoseConsensusResult<S> locate(const G& gray, const D& depth, const SE3<S>& T_c_w_predicted, const M& prior = {});
+  PoseConsensusResult<S> locate(const G& gray, const D& depth, const SE3<S>& T_c_w_predicted,
+                                const M& prior = {});
 
   /// Marks what stands before the rest of the view (in_foreground() of its surfaces) with 255, before the
   /// frame is segmented. @return false, with nothing marked: an image of another size than the first one
@@ -103,7 +103,7 @@ class MotionSegmenter {
   }
 
   /// What the last call of `segment` found.
-  [[nodiscard]] const Motion<S>& motion() const { return motion_; }
+  [[nodiscard]] const MotionResult<S>& motion() const { return motion_; }
 
   /// Keeps the frame last segmented, with its final pose and mask, as evidence for later ones. Call it once
   /// per segmented frame; after a frame that was refused, or a second time, it does nothing.
@@ -145,8 +145,8 @@ class MotionSegmenter {
   /// Puts the reference keyframe where the host's map has it by now.
   void place_reference(const SE3<S>& T_c_w) { reference_.place(T_c_w); }
 
-  /// Log-odds that what is seen moves, in the cells of the frame last segmented; the mask is where they are above 0
-  /// (Method::full).
+  /// Log-odds that what is seen moves, in the cells of the frame last segmented; the mask is where they are
+  /// above 0 (MotionMethod::full).
   [[nodiscard]] const Image<float>& belief() const { return belief_.evidence().belief; }
   /// The cells, and where pixels have theirs. Of the first frame's size; empty before it.
   [[nodiscard]] const DepthGrid& grid() const { return grid_; }
@@ -178,13 +178,14 @@ class MotionSegmenter {
   }
 
   /// Gives no mask. Where that has lasted for long, what is remembered is of no use any more.
-  const Motion<S>& refuse(MotionStatus why) {
+  const MotionResult<S>& refuse(MotionStatus why) {
     if (last_t_ && t_ - *last_t_ >= options_.own_reference.max_age) reset();
     return motion_.refuse(why);
   }
 
   [[nodiscard]] bool covers_view() const {
-    const auto valid = std::count_if(depth_.data(), depth_.data() + grid_.cells(), [](float z) { return is_valid_depth(z); });
+    const auto valid = std::count_if(depth_.data(), depth_.data() + grid_.cells(),
+                                     [](float z) { return is_valid_depth(z); });
     return static_cast<double>(motion_.seeds) > options_.pose_check.most * static_cast<double>(valid);
   }
 
@@ -194,8 +195,8 @@ class MotionSegmenter {
     checked_ = {T_c_w};
     motion_.own_pose = false;
     if (!options_.pose_check.use || matches_.size() < options_.weights.min_matches) return;
-    checked_ = pose_check_.check(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(), depth, T_c_w,
-                                 options_.locating, options_.pose_check);
+    checked_ = pose_check_.check(rolling(), std::span<const KeypointMatch<S>>(matches_), reference_.T_c_w(),
+                                 depth, T_c_w, options_.locating, options_.pose_check);
     if (!checked_.supported) {
       refuse(MotionStatus::pose_unsupported);
     } else if (!checked_.host) {
@@ -222,10 +223,10 @@ class MotionSegmenter {
     motion_.scales = result.scales;
     for (std::size_t k = 0; k < matches_.size(); ++k) {
       if (result.invalid[k] != 0) continue;
-      // A match whose patches look alike and that is off its epipolar curve moves as often as it is wrong. The paper has
-      // no other sign of what moves across the curves; the belief has, and leaves it.
+      // A match whose patches look alike and that is off its epipolar curve moves as often as it is wrong.
+      // The paper has no other sign of what moves across the curves; the belief has, and leaves it.
       const bool mismatch = result.mismatch[k] != 0;
-      if (mismatch && options_.method == Method::full) continue;
+      if (mismatch && options_.method == MotionMethod::full) continue;
       const bool moves = mismatch || result.dynamic[k] != 0;
       reference_.mark(k, moves);
       motion_.matches.push_back({matches_[k].x, matches_[k].x_m, result.weight[k], moves});
@@ -260,11 +261,11 @@ class MotionSegmenter {
   Options options_;
   DepthGrid grid_;
   HalvingPyramid<std::uint8_t> pyramid_;  // of the frame last segmented
-  std::optional<SE3<S>> T_depth_c_;  // of the next frame: where depth is taken
-  RollingShutter<S> shutter_;        // and how the camera moves meanwhile
-  double t_ = 0;                     // of the frame last segmented [s]
-  bool segmented_ = false;           // and not yet remembered
-  std::optional<double> last_t_;     // of the frame last remembered [s]
+  std::optional<SE3<S>> T_depth_c_;       // of the next frame: where depth is taken
+  RollingShutter<S> shutter_;             // and how the camera moves meanwhile
+  double t_ = 0;                          // of the frame last segmented [s]
+  bool segmented_ = false;                // and not yet remembered
+  std::optional<double> last_t_;          // of the frame last remembered [s]
   ReferenceKeyframe<S> reference_;
   double reference_t_ = 0;  // when its frame was taken [s]
   std::vector<KeypointMatch<S>> matches_;
@@ -273,7 +274,7 @@ class MotionSegmenter {
   PoseCheck<S> pose_check_;
   typename PoseCheck<S>::Result checked_;  // the pose of the frame last segmented
   MotionBelief<S> belief_;
-  Image<float> depth_;                                     // reduced
+  Image<float> depth_;                             // reduced
   Image<std::uint8_t> smooth_, cell_mask_, zone_;  // of the cells
   KeypointRegions<S> regions_;
   UnmeasuredWorkspace unmeasured_;
@@ -282,17 +283,18 @@ class MotionSegmenter {
   CornerWorkspace corner_workspace_;
   std::vector<Eigen::Vector2i> corners_;
   std::vector<ReferenceKeypoint<S>> keypoints_;
-  Motion<S> motion_;
+  MotionResult<S> motion_;
 };
 
-// Defined here, and so not inline: an explicit instantiation elsewhere (motion_segmenter_instances.hpp) keeps them out of
-// a program's own files.
+// Defined here, and so not inline: an explicit instantiation elsewhere (motion_segmenter_instances.hpp) keeps
+// them out of a program's own files.
 
 template <std::floating_point S, DifferentiableCamera Camera>
   requires std::same_as<typename Camera::ScalarType, S>
 template <ImageLike G, DepthImage D, LabelImage M, class OnStage>
-const Motion<S>& MotionSegmenter<S, Camera>::segment(const G& gray, const D& depth, double t, const SE3<S>& T_c_w,
-                                                     const M& prior, OnStage&& on_stage) {
+const MotionResult<S>& MotionSegmenter<S, Camera>::segment(const G& gray, const D& depth, double t,
+                                                           const SE3<S>& T_c_w, const M& prior,
+                                                           OnStage&& on_stage) {
   segmented_ = false;
   motion_.T_c_w = T_c_w;
   if (!accept_size(gray, depth, prior)) return motion_.refuse(MotionStatus::size_mismatch);
@@ -308,12 +310,13 @@ const Motion<S>& MotionSegmenter<S, Camera>::segment(const G& gray, const D& dep
   judge_matches(depth, checked_.T_c_w);
   on_stage(MotionStage::residuals);
   grid_.reduce(depth, depth_, smooth_);
-  if (options_.method == Method::full) {
-    motion_.seeds = belief_.update(grid_, depth_, smooth_, t, depth_pose(checked_.T_c_w), shutter_, motion_.matches, cell_mask_);
+  if (options_.method == MotionMethod::full) {
+    motion_.seeds = belief_.update(grid_, depth_, smooth_, t, depth_pose(checked_.T_c_w), shutter_,
+                                   motion_.matches, cell_mask_);
   } else {
     belief_.forget_evidence(grid_);
-    const MaskGrowingResult grown = regions_.find(motion_.matches, grid_, depth_, options_.regions, options_.growing,
-                                                  options_.belief.supports, cell_mask_);
+    const MaskGrowingResult grown = regions_.find(motion_.matches, grid_, depth_, options_.regions,
+                                                  options_.growing, options_.belief.supports, cell_mask_);
     motion_.seeds = grown.seeds;
     motion_.regions_leaked = grown.regions_leaked;
   }
@@ -321,10 +324,10 @@ const Motion<S>& MotionSegmenter<S, Camera>::segment(const G& gray, const D& dep
   on_stage(MotionStage::free_space);
   if (options_.pose_check.use && covers_view()) return refuse(MotionStatus::covers_view);
   upsample_mask(cell_mask_.view(), depth_, depth, grid_, motion_.mask.view(), zone_);
-  if (options_.method == Method::full && motion_.seeds > 0)
+  if (options_.method == MotionMethod::full && motion_.seeds > 0)
     complete_unmeasured(pyramid_.image(0), depth, motion_.mask.view(), options_.unmeasured, unmeasured_);
   const int margin = static_cast<int>(std::lround(options_.margin * depth.width()));
-  if (options_.method == Method::full && motion_.seeds > 0 && margin > 0) {
+  if (options_.method == MotionMethod::full && motion_.seeds > 0 && margin > 0) {
     std::swap(motion_.mask, found_);
     dilate(found_.view(), motion_.mask.view(), margin, morphology_);
   }
@@ -336,8 +339,8 @@ const Motion<S>& MotionSegmenter<S, Camera>::segment(const G& gray, const D& dep
 template <std::floating_point S, DifferentiableCamera Camera>
   requires std::same_as<typename Camera::ScalarType, S>
 template <ImageLike G, DepthImage D, LabelImage M>
-PoseConsensusResult<S> MotionSegmenter<S, Camera>::locate(const G& gray, const D& depth, const SE3<S>& T_c_w_predicted,
-                                                          const M& prior) {
+PoseConsensusResult<S> MotionSegmenter<S, Camera>::locate(const G& gray, const D& depth,
+                                                          const SE3<S>& T_c_w_predicted, const M& prior) {
   PoseConsensusResult<S> located;
   located.T_c_w = T_c_w_predicted;
   if (!accept_size(gray, depth, prior)) {
@@ -363,7 +366,7 @@ void MotionSegmenter<S, Camera>::remember(const SE3<S>& T_c_w, const M& mask) {
   if (!std::exchange(segmented_, false)) return;
   last_t_ = t_;
   const SE3<S> T = checked_.host ? T_c_w : checked_.T_c_w;
-  if (options_.method == Method::full) belief_.remember(grid_, depth_, t_, depth_pose(T), mask);
+  if (options_.method == MotionMethod::full) belief_.remember(grid_, depth_, t_, depth_pose(T), mask);
   const bool wanted =
       reference_.empty() || t_ - reference_t_ >= options_.own_reference.max_age || reference_stale();
   if (options_.own_reference.use && wanted) take_reference(T);

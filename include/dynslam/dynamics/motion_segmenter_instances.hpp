@@ -17,7 +17,7 @@ namespace dynslam {
 
 #define DYNSLAM_MOTION_SEGMENTER(Extern, S, Camera)                                                   \
   Extern template class MotionSegmenter<S, Camera<S>>;                                                \
-  Extern template const Motion<S>& MotionSegmenter<S, Camera<S>>::segment(                            \
+  Extern template const MotionResult<S>& MotionSegmenter<S, Camera<S>>::segment(                      \
       const ImageView<const std::uint8_t>&, const ImageView<const float>&, double, const SE3<S>&,     \
       const ImageView<const std::uint8_t>&, IgnoreStages&&);                                          \
   Extern template PoseConsensusResult<S> MotionSegmenter<S, Camera<S>>::locate(                       \

@@ -8,8 +8,8 @@
 #include "dynslam/dynamics/depth_grid.hpp"
 #include "dynslam/dynamics/keypoint_regions.hpp"
 #include "dynslam/dynamics/locate_reference.hpp"
-#include "dynslam/dynamics/method.hpp"
 #include "dynslam/dynamics/motion_belief.hpp"
+#include "dynslam/dynamics/motion_method.hpp"
 #include "dynslam/dynamics/pose_check.hpp"
 #include "dynslam/dynamics/reference_keyframe.hpp"
 #include "dynslam/dynamics/static_weights.hpp"
@@ -30,19 +30,19 @@ struct OwnReferenceOptions {
 /// Options of MotionSegmenter.
 template <std::floating_point S>
 struct MotionSegmenterOptions {
-  Method method = Method::full;
+  MotionMethod method = MotionMethod::full;
   ReferenceOptions reference;
   OwnReferenceOptions own_reference;
   LocateOptions<S> locating;
   PoseCheckOptions pose_check;
   StaticWeightsOptions<S> weights;
   DepthGridOptions grid;
-  MotionBeliefOptions belief;     ///< Method::full
-  KeypointRegionOptions regions;  ///< Method::paper
-  MaskGrowingOptions growing;     ///< Method::paper
+  MotionBeliefOptions belief;     ///< MotionMethod::full
+  KeypointRegionOptions regions;  ///< MotionMethod::paper
+  MaskGrowingOptions growing;     ///< MotionMethod::paper
   UnmeasuredOptions unmeasured;
-  /// By which the mask is widened, as a share of the image's width: a silhouette is known to a pixel or two only, and the
-  /// grey image is taken some milliseconds before or after the depth image.
+  /// By which the mask is widened, as a share of the image's width: a silhouette is known to a pixel or two
+  /// only, and the grey image is taken some milliseconds before or after the depth image.
   double margin = 1 / 500.0;
 };
 

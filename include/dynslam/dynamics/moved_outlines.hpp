@@ -23,14 +23,14 @@ namespace dynslam {
 
 /// How the outline and the keypoints of a surface are evidence for all of it.
 struct SurfaceEvidenceOptions {
-  double share = 0.3;  ///< by which more of it must have moved than of the others
-  double slope = 10;   ///< log-likelihood ratio per share beyond that
+  double share = 0.3;                ///< by which more of it must have moved than of the others
+  double slope = 10;                 ///< log-likelihood ratio per share beyond that
   double most = 3, most_rest = 0.5;  ///< greatest ratio for motion and for rest
-  /// Least outline of a surface of n cells, in sqrt(n) sides: a square has 4. Where less is its own silhouette, as of an
-  /// object that stands on a floor and the floor, the rest counts as not moved.
+  /// Least outline of a surface of n cells, in sqrt(n) sides: a square has 4. Where less is its own
+  /// silhouette, as of an object that stands on a floor and the floor, the rest counts as not moved.
   double perimeter = 3.5;
-  int outline = 20;                  ///< least sides of cells,
-  int keypoints = 15;                ///< and keypoints, that are evidence
+  int outline = 20;    ///< least sides of cells,
+  int keypoints = 15;  ///< and keypoints, that are evidence
 };
 
 /// What the outline of a surface tells of it. Counts are in cells of a grid of about 160 x 120.
@@ -38,7 +38,7 @@ struct MovedOutlineOptions {
   /// Share of a surface's outline, as far as it is one with something nearer or farther, beside which
   /// something farther is seen, from which on the surface stands before the rest of the view.
   double foreground = 0.7;
-  int least = 20;  ///< cells of the outline of such a surface
+  int least = 20;     ///< cells of the outline of such a surface
   int surface = 100;  ///< cells of the smallest surface
   int gap = 4;        ///< cells without depth between a surface and what lies behind it, at most
   int beside = 2;     ///< cells beside an outline in which what has gone or come is looked for
@@ -144,7 +144,8 @@ class OutlineWatch {
 /// @param depth     [m], invalid = NaN or <= 0
 /// @param evidence  of its cells: what is gone, and fresh evidence of what has come
 /// @param step      between cells of one surface, as RelativeStep
-/// @param plane     of each cell, as split_supports() numbers them: a surface does not go on from one to another
+/// @param plane     of each cell, as split_supports() numbers them: a surface does not go on from one to
+/// another
 /// @return surfaces of at least `options.surface` cells, in `ws`
 template <class Step>
 std::span<const SurfaceOutline> watch_outlines(const Image<float>& depth, const MotionEvidence& evidence,
@@ -197,14 +198,15 @@ struct MovedShare {
   [[nodiscard]] double share() const { return all > 0 ? static_cast<double>(moved) / all : 0.0; }
 };
 
-/// What parts of a surface say of all of it, as a log-likelihood ratio of motion. What counts is how much more of it
-/// has moved than of everything else: where all has moved, the pose is wrong.
+/// What parts of a surface say of all of it, as a log-likelihood ratio of motion. What counts is how much
+/// more of it has moved than of everything else: where all has moved, the pose is wrong.
 /// @param total  of the view, the surface included
 [[nodiscard]] inline float surface_evidence(const MovedShare& own, const MovedShare& total, int least,
                                             const SurfaceEvidenceOptions& o) {
   if (own.all < least) return 0;
   const MovedShare others{total.all - own.all, total.moved - own.moved};
-  return static_cast<float>(std::clamp(o.slope * (own.share() - others.share() - o.share), -o.most_rest, o.most));
+  return static_cast<float>(
+      std::clamp(o.slope * (own.share() - others.share() - o.share), -o.most_rest, o.most));
 }
 
 }  // namespace dynslam

@@ -24,7 +24,8 @@ namespace dynslam {
 struct PoseCheckOptions {
   /// Whether it asks. Not for hosts that know what moves before they give a pose.
   bool use = true;
-  /// Of what the best pose explains of the reference keyframe's surface, the share that the host's must explain, too.
+  /// Of what the best pose explains of the reference keyframe's surface, the share that the host's must
+  /// explain, too.
   double agreement = 0.5;
   /// Share of that surface that the best pose must explain for a mask to be given.
   double least = 0.1;
@@ -32,9 +33,9 @@ struct PoseCheckOptions {
   double most = 0.8;
 };
 
-/// Checks a host's poses against the keypoints of a reference keyframe. What moves pulls at a host's pose, and a pulled
-/// pose makes the room move: of a pose that the keypoints contradict only the motion since the last frame is used, as
-/// the start of a search for one that they agree on (locate_reference()).
+/// Checks a host's poses against the keypoints of a reference keyframe. What moves pulls at a host's pose,
+/// and a pulled pose makes the room move: of a pose that the keypoints contradict only the motion since the
+/// last frame is used, as the start of a search for one that they agree on (locate_reference()).
 template <std::floating_point S>
 class PoseCheck {
  public:
@@ -47,16 +48,18 @@ class PoseCheck {
   /// @param matches  of the reference keyframe, found with the host's pose
   /// @param T_c_w    the host's pose
   template <DifferentiableCameraOf<S> Camera, DepthImage D>
-  Result check(const Camera& camera, std::span<const KeypointMatch<S>> matches, const SE3<S>& T_ref_w, const D& depth,
-               const SE3<S>& T_c_w, const LocateOptions<S>& locating, const PoseCheckOptions& options) {
+  Result check(const Camera& camera, std::span<const KeypointMatch<S>> matches, const SE3<S>& T_ref_w,
+               const D& depth, const SE3<S>& T_c_w, const LocateOptions<S>& locating,
+               const PoseCheckOptions& options) {
     const SE3<S> followed = T_c_w * T_host_own_;
     detail::observe_reference(matches, T_ref_w, depth, followed, locating, workspace_);
     const S all = std::accumulate(workspace_.weights.begin(), workspace_.weights.end(), S(0));
     if (!(all > S(0))) return {T_c_w};
     const auto explained = [&](const SE3<S>& T) {
       const auto cost = truncated_cost<S>(
-          camera, T, std::span<const PoseObservation<S>>(workspace_.observations), locating.consensus.truncation,
-          [&](std::size_t k) { return workspace_.weights[k]; }, S(0), std::numeric_limits<S>::max());
+          camera, T, std::span<const PoseObservation<S>>(workspace_.observations),
+          locating.consensus.truncation, [&](std::size_t k) { return workspace_.weights[k]; }, S(0),
+          std::numeric_limits<S>::max());
       return cost ? S(1) - cost->cost / (all * locating.consensus.truncation) : S(0);
     };
     const S by_host = explained(T_c_w);

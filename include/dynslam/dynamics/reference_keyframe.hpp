@@ -125,8 +125,8 @@ class ReferenceKeyframe {
     }
   }
 
-  /// Whether match k of the last track() was found to move: if so, its matches are marked from then on, until they are
-  /// found at rest. What has most of the keypoints would be the measure of what is static.
+  /// Whether match k of the last track() was found to move: if so, its matches are marked from then on, until
+  /// they are found at rest. What has most of the keypoints would be the measure of what is static.
   void mark(std::size_t k, bool moves) { points_[matched_[k]].masked = moves; }
 
  private:

@@ -7,8 +7,8 @@ void list(FieldList& f, TrackerOptions& o) {
   // left out: dynamics: [general] dynamics goes for all
   // left out: seed: [general] seed goes for all
   f("method",
-    choice(o.method, {Method::paper, Method::full}, &parse_method,
-           [](Method method) { return to_string(method); }),
+    choice(o.method, {MotionMethod::paper, MotionMethod::full}, &parse_method,
+           [](MotionMethod method) { return to_string(method); }),
     "paper: the paper's steps alone; full: also free space, people at rest, surface weights, motion prior");
   f("additions", o.additions, "",
     "additions to the paper's tracking beside the masks, a list of surface_weights (features count by the "

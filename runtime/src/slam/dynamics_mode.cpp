@@ -19,15 +19,15 @@ std::string_view to_string(DynamicsMode mode) {
   return kNames[static_cast<std::size_t>(mode)];
 }
 
-std::optional<Method> parse_method(std::string_view name) {
-  for (const auto method : {Method::paper, Method::full}) {
+std::optional<MotionMethod> parse_method(std::string_view name) {
+  for (const auto method : {MotionMethod::paper, MotionMethod::full}) {
     if (name == to_string(method)) return method;
   }
   return std::nullopt;
 }
 
-std::string_view to_string(Method method) {
-  return method == Method::paper ? "paper" : "full";
+std::string_view to_string(MotionMethod method) {
+  return method == MotionMethod::paper ? "paper" : "full";
 }
 
 }  // namespace dynslam::runtime

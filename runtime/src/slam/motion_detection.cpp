@@ -24,7 +24,7 @@ void MotionDetection::detect(const LocalMap& map, const LastFrame<double>& last,
   if (!now.foreground.empty()) suspected = suspected.empty() ? now.foreground : suspected | now.foreground;
   constexpr std::array kStages{Stage::lucas_kanade, Stage::residuals, Stage::free_space, Stage::growing};
   Stopwatch watch;
-  const Motion<double>& motion = segmenter_.segment(
+  const MotionResult<double>& motion = segmenter_.segment(
       interop::view<const std::uint8_t>(now.input.gray), now.depth, now.input.t, T_c_w,
       interop::view<const std::uint8_t>(std::as_const(suspected)),
       [&](MotionStage s) { now.result.times[kStages[static_cast<std::size_t>(s)]] = watch.lap_ms(); });

@@ -54,7 +54,7 @@ class MotionDetection {
   /// Of the frame at hand: the surface at a recorded pixel was seen in the same place long before.
   [[nodiscard]] bool verified_static(float u, float v) const { return segmenter_.verified_static(u, v); }
   [[nodiscard]] Segmenter& segmenter() { return segmenter_; }
-  [[nodiscard]] const Motion<double>& motion() const { return segmenter_.motion(); }
+  [[nodiscard]] const MotionResult<double>& motion() const { return segmenter_.motion(); }
 
  private:
   MotionDetectionOptions options_;

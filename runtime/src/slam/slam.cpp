@@ -95,7 +95,7 @@ struct Slam::State {
   void join(SeparateMap& map, double t);
   /// Poses of the frames of a map, smoothed where the end is known.
   [[nodiscard]] std::vector<StampedPose<double>> trajectory(const FramePoses& of, const LocalMap& map) const {
-    const bool smooth = finished && options.trajectory.smooth && options.tracker.method == Method::full;
+    const bool smooth = finished && options.trajectory.smooth && options.tracker.method == MotionMethod::full;
     return smooth ? of.smoothed(map, options.trajectory) : of.poses(map, false);
   }
   /// Saves a map that was never joined beside the main one in its folder.
@@ -251,7 +251,7 @@ const interop::SemanticOcTree* Slam::octree() const {
   return state_->octree ? &state_->octree->mapper().tree() : nullptr;
 }
 
-const Motion<double>* Slam::motion() const {
+const MotionResult<double>* Slam::motion() const {
   return state_->located ? state_->tracker->motion() : nullptr;
 }
 

@@ -35,7 +35,7 @@ const LocalMap& Tracker::map() const {
 std::size_t Tracker::adjustments() const {
   return parts_->bundles.adjustments();
 }
-const Motion<double>* Tracker::motion() const {
+const MotionResult<double>* Tracker::motion() const {
   return parts_->motion ? &parts_->motion->motion() : nullptr;
 }
 
@@ -186,7 +186,7 @@ void Tracker::lose(FrameState& now) {
 void Tracker::find_dynamic(FrameState& now) {
   Parts& p = *parts_;
   p.motion->detect(p.map, p.last, p.solver.placer().rolling_shutter(), now);
-  if (now.prior != nullptr && p.options.method == Method::full) {
+  if (now.prior != nullptr && p.options.method == MotionMethod::full) {
     p.prior_mask.mark_static(
         [&](int u, int v) { return p.motion->verified_static(static_cast<float>(u), static_cast<float>(v)); },
         now);
@@ -227,7 +227,7 @@ void Tracker::keep(FrameState& now) {
   Frame& frame = now.frame();
   frame.T_c_w = frame.T_c_w * apply_bundle();  // that writes the map, and so does what follows
   // Where a mask was rejected a dynamic object may be on what it covered.
-  const bool doubtful = p.options.method == Method::full && now.result.mask_rejected != MaskVerdict::kept;
+  const bool doubtful = p.options.method == MotionMethod::full && now.result.mask_rejected != MaskVerdict::kept;
   const bool proven_alone = p.motion && (p.options.additions->proven_points || doubtful);
   const auto trust = [&](PointMaker<double>& points, const Frame& of) {
     points.trust_all(of);

@@ -15,7 +15,7 @@ TrackerOptions completed(TrackerOptions options) {
   options.geometry.method = options.method;
   options.geometry.own_reference.use = false;  // keyframes serve
   options.geometry.pose_check.use = false;     // what moves was looked for before the pose is given
-  if (options.method != Method::full) {
+  if (options.method != MotionMethod::full) {
     options.search.revise = false;
     options.search.recovered_frames = 0;
   }
@@ -34,7 +34,7 @@ KeyframeInserterOptions<double> inserter_options(const TrackerOptions& o) {
   result.loops = o.loops;
   result.close_loops = o.close_loops;
   result.depth_noise = o.depth_noise;
-  result.first_points_of_all = o.method == Method::full && uses_geometry(o.dynamics);
+  result.first_points_of_all = o.method == MotionMethod::full && uses_geometry(o.dynamics);
   return result;
 }
 

@@ -69,7 +69,7 @@ class PythonSegmenter {
     FoundMotion result;
     result.mask = py::reinterpret_borrow<py::array_t<std::uint8_t>>(target);
     segmenter_.use([&](Segmenter& s) {
-      const Motion<double>& motion =
+      const MotionResult<double>& motion =
           s.segment(view(grey), interop::view<const float>(metres), t, pose, view(may_move));
       result.status = motion.status;
       result.own_pose = motion.own_pose;
@@ -133,7 +133,7 @@ Segmenter::Options options_of(const runtime::CameraConfig& camera, const std::st
 }
 
 void bind_motion(py::module_& m) {
-  py::class_<FoundMotion>(m, "Motion", "What moves in a frame.")
+  py::class_<FoundMotion>(m, "MotionResult", "What moves in a frame.")
       .def_readonly("mask", &FoundMotion::mask, "(H, W) uint8, 255 where something moves; all 0 unless ok.")
       .def_property_readonly(
           "status", [](const FoundMotion& f) { return name(f.status); },
@@ -182,7 +182,7 @@ void bind_segmenter(py::module_& m) {
            "(4, 4) world to camera [m], "
            "as known so far. prior: (H, W) uint8 or bool, what may move (a network's people). out: (H, W) "
            "uint8 that takes the "
-           "mask. Returns a Motion.")
+           "mask. Returns a MotionResult.")
       .def("locate", &PythonSegmenter::locate, py::arg("gray"), py::arg("depth"), py::arg("T_c_w_predicted"),
            py::arg("prior") = py::none(),
            "A pose for segment(), of a host whose own is not yet to be trusted: (T_c_w (4, 4), found). The "

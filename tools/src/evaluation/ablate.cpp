@@ -116,7 +116,7 @@ std::vector<std::string> notes(const Ablation& ablation) {
   if (baseline(ablation) != nullptr) {
     lines.emplace_back("impr.: improvement over none in percent (Eq 13)");
   }
-  lines.emplace_back(ablation.method == Method::paper
+  lines.emplace_back(ablation.method == MotionMethod::paper
                          ? "the modes differ by their masks alone, as those of dynslam run --method paper"
                          : "the modes differ by their masks alone; dynslam run adds to each what it can use");
   if (ablation.semantic_skipped) {

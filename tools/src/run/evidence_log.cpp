@@ -20,7 +20,7 @@ void set_bit(cv::Mat& values, const cv::Mat& mask, std::uint8_t bit) {
   if (mask.size() == values.size()) cv::bitwise_or(values, cv::Scalar(bit), values, mask);
 }
 
-std::string keypoints_of(const Motion<double>& motion) {
+std::string keypoints_of(const MotionResult<double>& motion) {
   std::vector<std::uint8_t> bytes;
   bytes.reserve(5 * motion.matches.size());
   const auto add = [&](double pixels) {
@@ -55,7 +55,7 @@ EvidenceLog::EvidenceLog(const std::filesystem::path& file, const Sequence& sequ
 }
 
 void EvidenceLog::add(const std::string& stamp, const TrackResult& result, const cv::Mat& semantic,
-                      const Motion<double>* motion) {
+                      const MotionResult<double>* motion) {
   cv::Mat values = cv::Mat::zeros(result.dynamic_mask.size(), CV_8UC1);
   set_bit(values, semantic, kSemanticBit);
   if (motion != nullptr)

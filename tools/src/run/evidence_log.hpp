@@ -33,7 +33,7 @@ class EvidenceLog {
   /// @param semantic  the a-priori mask; empty: none
   /// @param motion    what the geometry found; null: nothing was asked of it
   void add(const std::string& stamp, const TrackResult& result, const cv::Mat& semantic,
-           const Motion<double>* motion);
+           const MotionResult<double>* motion);
   /// @throws InputError where any of it could not be written
   void finish(const LocalMap& map, std::span<const LoopClosing> loops);
 

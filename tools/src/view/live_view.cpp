@@ -123,7 +123,7 @@ void LiveView::State::take(const WatchedFrame& seen) {
   f.bgr = seen.frame.bgr;  // nobody changes it
   copy_mask(seen.semantic, f.semantic);
   f.keypoints.clear();
-  const Motion<double>* motion = seen.slam.motion();
+  const MotionResult<double>* motion = seen.slam.motion();
   if (motion != nullptr && motion->mask.width() > 0) {
     copy_mask(cv::Mat(motion->mask.height(), motion->mask.width(), CV_8UC1,
                       const_cast<std::uint8_t*>(motion->mask.data())),  // OpenCV has no read-only matrices

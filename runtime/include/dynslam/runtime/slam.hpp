@@ -121,7 +121,7 @@ class Slam {
   /// What the geometry found in the frame that track() had last: its mask, and keypoints with their static
   /// weights. Null where the mode does not ask it, or the frame has no pose in the main map. Valid until the
   /// next frame.
-  [[nodiscard]] const Motion<double>* motion() const;
+  [[nodiscard]] const MotionResult<double>* motion() const;
 
   /// Saves the map for load(); see save_slam_map(). A saved map is never made poorer: without an octree, the
   /// scans and the octree of the map that was loaded are taken over. Maps that were never joined to the main

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string_view>
 
-#include "dynslam/dynamics/method.hpp"
+#include "dynslam/dynamics/motion_method.hpp"
 
 namespace dynslam::runtime {
 
@@ -28,12 +28,12 @@ enum class DynamicsMode { none, semantic, geometric, both };
 }
 
 /// With `paper` all features are alike, too; `full` takes people at rest and `Additions` beside the masks.
-using dynslam::Method;
+using dynslam::MotionMethod;
 
 /// A method by its name; empty: there is none of that name.
-[[nodiscard]] std::optional<Method> parse_method(std::string_view name);
+[[nodiscard]] std::optional<MotionMethod> parse_method(std::string_view name);
 /// Name of a method.
-[[nodiscard]] std::string_view to_string(Method method);
+[[nodiscard]] std::string_view to_string(MotionMethod method);
 
 /// What this system adds to the paper's tracking, beside the masks. Each is off until it is switched on by
 /// its name: with a list of values in a row, a field that is added later would keep its default unnoticed.
@@ -84,8 +84,8 @@ static_assert(sizeof(Additions) == kAdditions.size() * sizeof(bool) &&
 /// What a run of a method and mode takes: nothing with the paper's, and with `none`, which is the baseline.
 /// `proven_points` is taken by no mode of itself: with twenty keyframes adjusted together the points that it
 /// leaves out are worth more than the few movers among them (docs/method.md).
-[[nodiscard]] constexpr Additions additions(Method method, DynamicsMode mode) {
-  if (method == Method::paper || mode == DynamicsMode::none) return Additions::none();
+[[nodiscard]] constexpr Additions additions(MotionMethod method, DynamicsMode mode) {
+  if (method == MotionMethod::paper || mode == DynamicsMode::none) return Additions::none();
   Additions result = Additions::all();
   result.proven_points = false;
   result.strict_local_map = uses_geometry(mode);

@@ -59,7 +59,7 @@ class Tracker {
   [[nodiscard]] std::size_t adjustments() const;
   /// What the geometry found in the frame last tracked; null where the mode does not ask it. After a frame
   /// that was lost it is an earlier one's.
-  [[nodiscard]] const Motion<double>* motion() const;
+  [[nodiscard]] const MotionResult<double>* motion() const;
 
  private:
   struct Parts;

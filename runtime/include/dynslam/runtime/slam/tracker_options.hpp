@@ -30,7 +30,7 @@ using PoseSearchOptions = PoseTrackingOptions<double>;
 /// Options of Tracker.
 struct TrackerOptions {
   DynamicsMode dynamics = DynamicsMode::both;
-  Method method = Method::full;
+  MotionMethod method = MotionMethod::full;
   std::optional<Additions> additions;  ///< empty: as method and mode have them
   FeatureOptions features;
   MotionSegmenterOptions<double> geometry;  ///< its method is the one above

@@ -9,7 +9,7 @@ namespace dynslam::runtime {
 
 /// How the poses of all frames are brought together in the end (smooth_trajectory()).
 struct TrajectoryOptions : SmoothingOptions {
-  bool smooth = true;  ///< not with Method::paper, whatever this says
+  bool smooth = true;  ///< not with MotionMethod::paper, whatever this says
 };
 
 }  // namespace dynslam::runtime

@@ -30,7 +30,7 @@ struct AblationRow {
 /// All modes on one sequence.
 struct Ablation {
   std::string sequence;
-  Method method = Method::full;
+  MotionMethod method = MotionMethod::full;
   std::vector<AblationRow> rows;  ///< in the order none, semantic, geometric, both
   bool semantic_skipped = false;  ///< no a-priori masks: only none and geometric were run
   bool interrupted = false;       ///< `rows` holds the modes that were finished before
@@ -38,7 +38,7 @@ struct Ablation {
 
 /// What all modes of an ablation take beside their masks, so that they differ by these alone: with `paper`
 /// nothing, as in `run`; with `full` all that `run` gives to any of them, the baseline included.
-[[nodiscard]] constexpr Additions ablation_additions(Method method) {
+[[nodiscard]] constexpr Additions ablation_additions(MotionMethod method) {
   return additions(method, DynamicsMode::both);
 }
 

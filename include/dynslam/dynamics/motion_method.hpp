@@ -8,7 +8,7 @@
 namespace dynslam {
 
 /// What the mask of moving things rests on.
-enum class Method : std::uint8_t {
+enum class MotionMethod : std::uint8_t {
   paper,  ///< the paper's steps 5 to 10 alone: regions grown around groups of dynamic keypoints
   full    ///< also the space that earlier frames saw to be free, and surfaces verified to be at rest
 };

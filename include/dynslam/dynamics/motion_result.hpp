@@ -23,8 +23,8 @@ enum class MotionStatus : std::uint8_t {
   time_not_later,
   /// The keypoints of the reference keyframe agree on no pose, so no mask would be right, and none is given.
   pose_unsupported,
-  /// Next to all of the view would be dynamic: the pose is wrong or something stands right before the camera. No mask is
-  /// given.
+  /// Next to all of the view would be dynamic: the pose is wrong or something stands right before the camera.
+  /// No mask is given.
   covers_view
 };
 
@@ -38,27 +38,29 @@ struct JudgedMatch {
 
 /// What moves in a frame.
 template <std::floating_point S>
-struct Motion {
+struct MotionResult {
   MotionStatus status = MotionStatus::ok;
-  Image<std::uint8_t> mask;             ///< 255 where something moves in the depth image, at its size
-  Image<std::uint8_t> verified;         ///< cells whose surface was in the same place long before
-  /// Empty where too few were found. Those off their epipolar curve are left out, or with Method::paper dynamic.
+  Image<std::uint8_t> mask;      ///< 255 where something moves in the depth image, at its size
+  Image<std::uint8_t> verified;  ///< cells whose surface was in the same place long before
+  /// Empty where too few were found. Those off their epipolar curve are left out, or with MotionMethod::paper
+  /// dynamic.
   std::vector<JudgedMatch<S>> matches;
   // How it came about.
-  bool own_pose = false;  ///< the keypoints contradict the pose that was given: one of the segmenter's own was used
-  /// The pose that the mask rests on: the one that was given, or the segmenter's own. A host that minimises from a start takes
-  /// its start from here, or stays in the minimum into which what moves once pulled it.
+  bool own_pose =
+      false;  ///< the keypoints contradict the pose that was given: one of the segmenter's own was used
+  /// The pose that the mask rests on: the one that was given, or the segmenter's own. A host that minimises
+  /// from a start takes its start from here, or stays in the minimum into which what moves once pulled it.
   SE3<S> T_c_w;
-  int tracked = 0;        ///< reference keypoints found
+  int tracked = 0;     ///< reference keypoints found
   int mismatches = 0;  ///< off their epipolar curve
   bool epipolar_used = false;
   int dynamic_matches = 0;
   StaticWeightScales<S> scales{};
-  int seeds = 0;           ///< dynamic cells; with Method::paper those that started the growing
-  int regions_leaked = 0;  ///< dropped by the guard of Method::paper
+  int seeds = 0;           ///< dynamic cells; with MotionMethod::paper those that started the growing
+  int regions_leaked = 0;  ///< dropped by the guard of MotionMethod::paper
   [[nodiscard]] bool ok() const { return status == MotionStatus::ok; }
   /// Says of no pixel that it moves or rests.
-  const Motion& refuse(MotionStatus why) {
+  const MotionResult& refuse(MotionStatus why) {
     status = why;
     mask.fill(0);
     verified.fill(0);
