@@ -65,7 +65,7 @@ class BlockSparseSystem {
     }
     std::fill(head_.begin(), head_.end(), -1);
     for (int j = 0; j < n_; ++j) {
-      const std::array<S, B> before = diagonal_of(factor_[index(column_begin_[index(j)])]);
+      const Column before = diagonal_of(factor_[index(column_begin_[index(j)])]);
       subtract_columns(j);
       if (!finish_column(j, before)) return false;
     }
@@ -93,6 +93,8 @@ class BlockSparseSystem {
   }
 
  private:
+  using Column = std::array<S, std::size_t(B)>;
+
   template <std::integral I>
   [[nodiscard]] static std::size_t index(I i) {
     return static_cast<std::size_t>(i);
@@ -199,7 +201,7 @@ class BlockSparseSystem {
   }
 
   /// Factors the block on the diagonal and divides what is below it by it.
-  [[nodiscard]] bool finish_column(int j, const std::array<S, B>& before) {
+  [[nodiscard]] bool finish_column(int j, const Column& before) {
     const auto [begin, end] = column_range(j);
     Block& L = factor_[begin];
     for (int c = 0; c < B; ++c) {
@@ -220,8 +222,8 @@ class BlockSparseSystem {
     return true;
   }
 
-  [[nodiscard]] static std::array<S, B> diagonal_of(const Block& block) {
-    std::array<S, B> out;
+  [[nodiscard]] static Column diagonal_of(const Block& block) {
+    Column out;
     for (int c = 0; c < B; ++c) out[index(c)] = block[index(B * c + c)];
     return out;
   }
@@ -233,7 +235,7 @@ class BlockSparseSystem {
   /// C -= A B_T^T
   static void subtract_block_product(const Block& A, const Block& B_T, Block& C) {
     for (int c = 0; c < B; ++c) {
-      std::array<S, B> sum;
+      Column sum;
       for (int r = 0; r < B; ++r) sum[index(r)] = C[index(B * c + r)];
       for (int k = 0; k < B; ++k) {
         for (int r = 0; r < B; ++r) sum[index(r)] -= A[index(B * k + r)] * B_T[index(B * c + k)];
