@@ -200,6 +200,7 @@ class RollingShutter {
   template <class C>
   [[nodiscard]] Sight between(const C& camera, const Vector3& p_middle, const Sight& a,
                               const Sight& b) const {
+    using std::abs;
     const bool above = a.below() < S(0);
     if (above == (b.below() < S(0))) return {};
     // To a bracket of the row: where the point keeps pace with the rows, a small miss does not say that the
