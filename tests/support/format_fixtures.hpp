@@ -119,6 +119,11 @@ inline std::string pose_text(const std::string& stamp, const SE3<double>& T) {
                      q.x(), q.y(), q.z(), q.w());
 }
 
+/// The bytes of floats as the channels of an image, as TartanAir's tools have it: depth_rgba.view("<f4").
+inline cv::Mat channels_of_floats(const cv::Mat& floats) {
+  return cv::Mat(floats.rows, floats.cols, CV_8UC4, floats.data, floats.step).clone();
+}
+
 /// A folder in one of the formats.
 struct FormatFixture : TemporaryFolder {
   std::string format;
@@ -126,7 +131,8 @@ struct FormatFixture : TemporaryFolder {
   std::filesystem::path root;  ///< of the sequence, within `path`
 
   /// Each format is written once for all tests of the program; what a test gets, and may change, is a copy.
-  explicit FormatFixture(const std::string& name) : format(name), root(path / folder_of(name)) {
+  /// @param name  one of kFormatNames
+  explicit FormatFixture(const std::string& name) : format(format_of(name)), root(path / folder_of(name)) {
     static std::map<std::string, std::unique_ptr<const FormatFixture>> written;
     std::unique_ptr<const FormatFixture>& original = written[name];
     if (!original) original.reset(new FormatFixture(name, Written{}));
@@ -154,7 +160,7 @@ struct FormatFixture : TemporaryFolder {
  private:
   inline static const cv::Size kPhoneDepth{256, 192};
   struct Written {};
-  FormatFixture(const std::string& name, Written) : format(name), root(path / folder_of(name)) {
+  FormatFixture(const std::string& name, Written) : format(format_of(name)), root(path / folder_of(name)) {
     std::filesystem::create_directories(root);
     if (name == "tum") tum({}, "groundtruth.txt", "associations.txt");
     if (name == "bonn") bonn();
@@ -164,9 +170,12 @@ struct FormatFixture : TemporaryFolder {
     if (name == "replica") replica();
     if (name == "scannet") scannet();
     if (name == "redwood") redwood();
-    if (name == "tartanair") tartanair();
+    if (name == "tartanair") tartanair("left", {640, 480, 320, 320, 320, 240, 5000, 0});
+    if (name == "tartanair-2") tartanair("lcam_front", {640, 640, 320, 320, 320, 320, 5000, 0});
     if (name == "stray-scanner") stray_scanner();
   }
+
+  static std::string format_of(const std::string& name) { return name == "tartanair-2" ? "tartanair" : name; }
 
   /// The names by which TUM's and Bonn's cameras are known.
   static std::string folder_of(const std::string& name) {
@@ -293,15 +302,23 @@ struct FormatFixture : TemporaryFolder {
   }
 
   /// Poses of a body that looks along x with z down.
-  void tartanair() {
-    view = {640, 480, 320, 320, 320, 240, 5000, 0};
-    for (const char* folder : {"image_left", "depth_left"})
-      std::filesystem::create_directories(root / folder);
-    std::ofstream poses(root / "pose_left.txt");
+  /// @param seen_from  the camera's name: left in version 1, lcam_front in version 2
+  void tartanair(const std::string& seen_from, const View& as) {
+    view = as;
+    const std::filesystem::path images = root / ("image_" + seen_from),
+                                depths = root / ("depth_" + seen_from);
+    for (const auto& folder : {images, depths}) std::filesystem::create_directories(folder);
+    std::ofstream poses(root / fmt::format("pose_{}.txt", seen_from));
     for (std::size_t i = 0; i < film().size(); ++i) {
       const Shot shot = seen_by(film()[i], view);
-      runtime::write_image(root / "image_left" / fmt::format("{:06}_left.png", i), shot.bgr);
-      write_npy(root / "depth_left" / fmt::format("{:06}_left_depth.npy", i), depth_floats(shot.depth));
+      const std::string name = fmt::format("{:06}_{}", i, seen_from);
+      const cv::Mat metres = depth_floats(shot.depth);
+      runtime::write_image(images / (name + ".png"), shot.bgr);
+      if (seen_from == "left") {
+        write_npy(depths / (name + "_depth.npy"), metres);
+      } else {
+        runtime::write_image(depths / (name + "_depth.png"), channels_of_floats(metres));
+      }
       const Eigen::Matrix3d R = film()[i].T_w_c.so3().matrix();
       Eigen::Matrix3d R_w_body;  // forward, right, down
       R_w_body << R.col(2), R.col(0), R.col(1);
@@ -339,7 +356,9 @@ struct FormatFixture : TemporaryFolder {
   }
 };
 
-inline constexpr const char* kFormatNames[] = {"tum",     "bonn",    "eth3d",   "icl-nuim",  "7-scenes",
-                                               "replica", "scannet", "redwood", "tartanair", "stray-scanner"};
+/// The formats, and the version of one that differs.
+inline constexpr const char* kFormatNames[] = {"tum",       "bonn",        "eth3d",        "icl-nuim",
+                                               "7-scenes",  "replica",     "scannet",      "redwood",
+                                               "tartanair", "tartanair-2", "stray-scanner"};
 
 }  // namespace dynslam::test

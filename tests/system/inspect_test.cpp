@@ -77,7 +77,7 @@ TEST_CASE("nothing is odd about a sound sequence of any format, and the command 
     CHECK(*report.truth.scale == doctest::Approx(1).epsilon(0.1));
     CHECK(report.command == "dynslam run " + fixture.root.string() + (fixture.stamped() ? "" : " --rate 10"));
     const std::string text = to_text(report);
-    CHECK(mentions(text, std::string("format    ") + name));
+    CHECK(mentions(text, "format    " + fixture.format));
     CHECK(mentions(text, "odd       nothing"));
   }
 }

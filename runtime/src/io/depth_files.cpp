@@ -10,6 +10,7 @@
 #include <cstring>
 #include <string_view>
 
+#include "dynslam/runtime/error.hpp"
 #include "io/byte_marker.hpp"
 
 namespace dynslam::runtime {
@@ -167,6 +168,19 @@ cv::Mat decode_npy(Bytes bytes, const DepthFile& file) {
   if (file.by_columns) image = image.t();
   if (image.depth() == CV_16F || image.depth() == CV_64F) image.convertTo(image, CV_32F);
   return image;
+}
+
+cv::Mat floats_of_channels(const cv::Mat& image, const std::string& name) {
+  if (image.type() != CV_8UC4)
+    throw InputError(
+        name, 0,
+        fmt::format("is not an image of four 8-bit channels, the bytes of a float, but has {} bits "
+                    "and {} channel{}",
+                    8 * image.elemSize1(), image.channels(), image.channels() == 1 ? "" : "s"));
+  cv::Mat floats(image.size(), CV_32FC1);
+  for (int v = 0; v < image.rows; ++v)
+    std::memcpy(floats.ptr(v), image.ptr(v), static_cast<std::size_t>(image.cols) * image.elemSize());
+  return floats;
 }
 
 }  // namespace dynslam::runtime

@@ -32,4 +32,9 @@ struct DepthFile {
 /// @param bytes  those that `file` was opened from, without a fault
 [[nodiscard]] cv::Mat decode_npy(std::span<const std::uint8_t> bytes, const DepthFile& file);
 
+/// The floats whose bytes, least significant first, are the four channels of an image (TartanAir, version 2).
+/// @param image  as OpenCV decodes it unchanged: blue is the first byte, alpha the last
+/// @param name  of the file @throws InputError with it where the image has other channels
+[[nodiscard]] cv::Mat floats_of_channels(const cv::Mat& image, const std::string& name);
+
 }  // namespace dynslam::runtime

@@ -7,6 +7,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
+#include "io/depth_files.hpp"
 #include "io/frame_of_images.hpp"
 
 namespace dynslam::runtime {
@@ -40,7 +41,8 @@ cv::Mat read_image(const FrameRecord& record, Kind kind, cv::Size expected) {
   const EncodedImage image(path_of(record, kind));
   check_size(record, kind, image.size(), expected);
   if (kind == Kind::colour) return image.decode(cv::IMREAD_COLOR);
-  const cv::Mat depth = image.decode(cv::IMREAD_UNCHANGED);
+  cv::Mat depth = image.decode(cv::IMREAD_UNCHANGED);
+  if (record.float_bytes) depth = floats_of_channels(depth, record.depth.string());
   return depth.type() == CV_32FC1 ? checked_metres(depth) : depth;
 }
 

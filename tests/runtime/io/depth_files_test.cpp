@@ -127,6 +127,48 @@ TEST_CASE("TIFF and OpenEXR files of floats are what OpenCV wrote, and promise n
   }
 }
 
+TEST_CASE("depth whose bytes are the channels of a PNG is in metres, and another image is one error") {
+  test::FormatFixture fixture("tartanair-2");
+  const fs::path file = fixture.root / "depth_lcam_front" / "000000_lcam_front_depth.png";
+  const Sequence sequence = load_sequence(fixture.root);
+  const CameraConfig camera = camera_of(sequence);
+  // IEEE 754: 2.5 = 0x40200000, 1.1 = 0x3F8CCCCD, -1 = 0xBF800000, infinity = 0x7F800000.
+  cv::Mat bgra(640, 640, CV_8UC4, cv::Scalar(0x00, 0x00, 0x20, 0x40));
+  bgra.at<cv::Vec4b>(3, 4) = {0xCD, 0xCC, 0x8C, 0x3F};
+  bgra.at<cv::Vec4b>(3, 5) = {0x00, 0x00, 0x80, 0xBF};
+  bgra.at<cv::Vec4b>(3, 6) = {0x00, 0x00, 0x80, 0x7F};
+  REQUIRE(cv::imwrite(file.string(), bgra));
+  const cv::Mat depth = decode_frame(sequence.frames[0], 0, camera).depth;
+  REQUIRE(depth.type() == CV_32FC1);
+  CHECK(depth.at<float>(0, 0) == 2.5F);
+  CHECK(depth.at<float>(639, 639) == 2.5F);
+  CHECK(depth.at<float>(3, 4) == 1.1F);
+  CHECK(std::isnan(depth.at<float>(3, 5)));
+  CHECK(std::isnan(depth.at<float>(3, 6)));
+
+  const auto error = [&](const cv::Mat& image) {
+    REQUIRE(cv::imwrite(file.string(), image));
+    return error_of([&] { (void)decode_frame(sequence.frames[0], 0, camera); });
+  };
+  const std::string expected =
+      "000000_lcam_front_depth.png: is not an image of four 8-bit channels, the bytes of a float, ";
+  CHECK(mentions(error(cv::Mat(640, 640, CV_16UC1, cv::Scalar(900))),
+                 expected + "but has 16 bits and 1 channel"));
+  CHECK(mentions(error(cv::Mat(640, 640, CV_8UC3, cv::Scalar::all(9))),
+                 expected + "but has 8 bits and 3 channels"));
+  CHECK(mentions(error(cv::Mat(480, 640, CV_8UC4, cv::Scalar::all(9))),
+                 "is 640x480, the camera's images are 640x640"));
+}
+
+TEST_CASE("a folder that has the images of no version of TartanAir says which are looked for") {
+  const TemporaryFolder folder;
+  SequenceOptions options;
+  options.format = "tartanair";
+  CHECK(mentions(error_of([&] { (void)load_sequence(folder.path, options); }),
+                 "has no images of this format: image_left/ and depth_left/, or image_lcam_front/ and "
+                 "depth_lcam_front/"));
+}
+
 TEST_CASE("numbered depth of floats is in metres, whatever holds it; 0 and infinite are none") {
   const TemporaryFolder folder;
   const fs::path root = folder.path / "s";

@@ -59,9 +59,9 @@ TEST_CASE("a folder of each format is recognised, and read with its camera, time
   for (const char* name : test::kFormatNames) {
     CAPTURE(name);
     const FormatFixture fixture(name);
-    CHECK(formats_of(fixture.root) == std::vector<std::string>{name});
+    CHECK(formats_of(fixture.root) == std::vector<std::string>{fixture.format});
     const Sequence sequence = load_sequence(fixture.root, at_film_rate());
-    CHECK(sequence.format == name);
+    CHECK(sequence.format == fixture.format);
     CHECK(sequence.has_stamps == fixture.stamped());
     REQUIRE(sequence.frames.size() == film().size());
     for (std::size_t i = 1; i < sequence.frames.size(); ++i)

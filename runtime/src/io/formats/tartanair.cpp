@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// TartanAir (Wang et al. 2020): rendered images, depth as arrays of metres, poses in north-east-down axes.
+// TartanAir (Wang et al. 2020) and its version 2: rendered images, depth in metres, poses in north-east-down
+// axes.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <sstream>
 #include <string_view>
 
+#include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
 #include "io/formats/format.hpp"
@@ -14,11 +18,38 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<std::string_view, 1> kTartanColour{"_left.png"}, kTartanDepth{"_left_depth.npy"};
+/// A version of the data set: the files of its front camera, and that camera.
+struct TartanVersion {
+  std::string_view images, depths, poses;
+  std::array<std::string_view, 1> image_suffix, depth_suffix;
+  bool float_bytes;  ///< of depth images
+  PinholeNumbers camera;
+};
+const std::array<TartanVersion, 2> kTartanVersions{{
+    {"image_left",
+     "depth_left",
+     "pose_left.txt",
+     {"_left.png"},
+     {"_left_depth.npy"},
+     false,
+     {640, 480, 320, 320, 320, 240, 1000}},
+    {"image_lcam_front",
+     "depth_lcam_front",
+     "pose_lcam_front.txt",
+     {"_lcam_front.png"},
+     {"_lcam_front_depth.png"},
+     true,
+     {640, 640, 320, 320, 320, 320, 1000}},
+}};
+
+bool has_images(const fs::path& root, const TartanVersion& version) {
+  return fs::is_directory(root / version.images) && fs::is_directory(root / version.depths);
+}
 
 bool is_tartanair(const fs::path& root) {
-  return fs::exists(root / "pose_left.txt") && fs::is_directory(root / "image_left") &&
-         fs::is_directory(root / "depth_left");
+  return std::any_of(kTartanVersions.begin(), kTartanVersions.end(), [&](const TartanVersion& version) {
+    return has_images(root, version) && fs::exists(root / version.poses);
+  });
 }
 
 /// Row k is frame k: tx ty tz qx qy qz qw of a body that looks along x, with y to its right and z down.
@@ -40,22 +71,32 @@ UsablePoses parse_body_rows(const std::string& text, const std::string& name, do
 }
 
 Sequence load_tartanair(const fs::path& root, const SequenceOptions& options) {
+  const auto found = std::find_if(kTartanVersions.begin(), kTartanVersions.end(),
+                                  [&](const TartanVersion& version) { return has_images(root, version); });
+  if (found == kTartanVersions.end())
+    throw InputError(root.string(), 0,
+                     "has no images of this format: image_left/ and depth_left/, or image_lcam_front/ and "
+                     "depth_lcam_front/");
   Sequence sequence;
   sequence.root = root;
-  pair_by_number(sequence, numbered_files(root / "image_left", "", kTartanColour),
-                 numbered_files(root / "depth_left", "", kTartanDepth), options);
+  pair_by_number(sequence, numbered_files(root / found->images, "", found->image_suffix),
+                 numbered_files(root / found->depths, "", found->depth_suffix), options);
   sequence.float_depth = true;
-  const fs::path truth = root / "pose_left.txt";
+  for (FrameRecord& frame : sequence.frames) frame.float_bytes = found->float_bytes;
+  const fs::path truth = root / found->poses;
   read_optional_truth(sequence, truth,
                       [&] { return parse_body_rows(read_text(truth), truth.string(), options.rate); });
-  sequence.camera = pinhole_camera("tartanair", {640, 480, 320, 320, 320, 240, 1000}, "tartanair");
+  sequence.camera = pinhole_camera("tartanair", found->camera, "tartanair");
   sequence.camera_source = "the data set's description";
   return sequence;
 }
 
 }  // namespace
 
-const Format kTartanAir{"tartanair", "image_left/N_left.png, depth_left/N_left_depth.npy, pose_left.txt",
-                        is_tartanair, load_tartanair};
+const Format kTartanAir{
+    "tartanair",
+    "image_left/N_left.png, depth_left/N_left_depth.npy, pose_left.txt; of version 2: "
+    "image_lcam_front/N_lcam_front.png, depth_lcam_front/N_lcam_front_depth.png, pose_lcam_front.txt",
+    is_tartanair, load_tartanair};
 
 }  // namespace dynslam::runtime::formats

@@ -46,6 +46,7 @@ struct FrameRecord {
   std::shared_ptr<const ImageSource> source{};      ///< of images that are no files; else null
   std::size_t colour_number = 0, depth_number = 0;  ///< there
   bool float_units = false;  ///< depth of 32-bit floats is in the camera's units, not in metres
+  bool float_bytes = false;  ///< depth is an image of four channels: the bytes of a 32-bit float
 };
 
 /// A recorded sequence on disk, in a folder or a file: what every format fills.
