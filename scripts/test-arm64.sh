@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# Builds the headers' tests for 64-bit ARM by Debian's cross compiler and runs them by qemu-user: half an hour on two
-# cores, so not part of scripts/test.sh. Needs scripts/install-deps.sh arm64. The runtime is not built: Debian has no
+# Builds the headers' tests for 64-bit ARM by Debian's cross compiler and runs them by qemu-user: more than an hour,
+# so not part of scripts/test.sh. Needs scripts/install-deps.sh arm64. The runtime is not built: Debian has no
 # OpenCV for cross compilers.
 #
 #   scripts/test-arm64.sh          # JOBS=N compilers at a time, 2 unless given
