@@ -132,8 +132,6 @@ static_assert(std::is_constructible_v<Labels, const Image<int>&, Step>);
 static_assert(!std::is_constructible_v<Labels, Image<int>, Step>);
 static_assert(std::is_constructible_v<Normals, const Image<Eigen::Vector3f>&, float, Step>);
 static_assert(!std::is_constructible_v<Normals, Image<Eigen::Vector3f>, float, Step>);
-static_assert(std::is_constructible_v<Share, const Image<float>&>);
-static_assert(!std::is_constructible_v<Share, Image<float>>);
 static_assert(std::is_constructible_v<Features, Span<dynslam::Feature>, Span<dynslam::Descriptor>,
                                       Span<std::uint8_t>, const dynslam::FeatureGrid&>);
 static_assert(!std::is_constructible_v<Features, Span<dynslam::Feature>, Span<dynslam::Descriptor>,
