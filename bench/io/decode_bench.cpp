@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Decoding 640 x 480 PNGs, 8 bit colour and 16 bit depth: what the runtime does with the bytes of a file
-// (checks of the file included) beside OpenCV's imdecode. The images are recorded ones where DYNSLAM_DATA
-// names the data, made-up ones otherwise; each is decoded to the same pixels.
+// (checks of the file included) beside OpenCV's imdecode and libspng, which checks as much. The images are
+// recorded ones where DYNSLAM_DATA names the data, made-up ones otherwise; each is decoded to the same
+// pixels.
 #include <benchmark/benchmark.h>
 
 #ifdef DYNSLAM_BENCH_OPENCV
@@ -9,10 +10,15 @@
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
+#include <memory>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
 
+#ifdef DYNSLAM_BENCH_SPNG
+#include <spng.h>
+#endif
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "support/named.hpp"
@@ -69,6 +75,23 @@ cv::Mat by_opencv(const std::string& bytes, bool colour) {
   return cv::imdecode(data, flags_of(colour));
 }
 
+#ifdef DYNSLAM_BENCH_SPNG
+cv::Mat by_spng(const std::string& bytes, bool colour) {
+  const std::unique_ptr<spng_ctx, decltype(&spng_ctx_free)> context(spng_ctx_new(0), spng_ctx_free);
+  spng_ihdr header;
+  if (spng_set_png_buffer(context.get(), bytes.data(), bytes.size()) != 0 ||
+      spng_get_ihdr(context.get(), &header) != 0)
+    return {};
+  cv::Mat image(static_cast<int>(header.height), static_cast<int>(header.width), colour ? CV_8UC3 : CV_16UC1);
+  const int format =
+      colour ? SPNG_FMT_RGB8 : SPNG_FMT_PNG;  // the latter: the file's, in the machine's byte order
+  if (spng_decode_image(context.get(), image.data, image.total() * image.elemSize(), format, 0) != 0)
+    return {};
+  if (colour) cv::cvtColor(image, image, cv::COLOR_RGB2BGR);
+  return image;
+}
+#endif
+
 template <class Decode>
 void time_decoder(benchmark::State& state, bool colour, const Decode& decode) {
   cv::setNumThreads(1);
@@ -100,6 +123,11 @@ const bool registered = [] {
     bench::add(what, type, "opencv", [=](benchmark::State& s) {
       time_decoder(s, colour, [=](const std::string& bytes) { return by_opencv(bytes, colour); });
     });
+#ifdef DYNSLAM_BENCH_SPNG
+    bench::add(what, type, "libspng", [=](benchmark::State& s) {
+      time_decoder(s, colour, [=](const std::string& bytes) { return by_spng(bytes, colour); });
+    });
+#endif
   }
   return true;
 }();

@@ -234,7 +234,7 @@ TEST_CASE(
   write("seed = 1\ndynamics = magic\n");
   check_one_line_error(run, 1, "c.toml:2: --dynamics: magic");
   write("seed = 1\nseed = 2\n");
-  check_one_line_error(run, 1, "c.toml:2: 'seed' is given twice");
+  check_one_line_error(run, 1, "c.toml:2: key-value pair: cannot redefine existing integer 'seed'");
   check_one_line_error("run " + path + " --out " + out + " --config " + path + "/absent", 1,
                        "absent: cannot be opened");
 }

@@ -103,18 +103,21 @@ TEST_CASE("mistakes in a sweep's file are told with their line") {
   fails("modes = [\"none\"]\n", "sequences is missing");
   fails("sequences = [\"a\"]\n", "modes is missing");
   fails(good + "mode = 1\n", "s.toml:3: unknown key 'mode', did you mean modes?");
-  fails(good + "modes = [\"both\"]\n", "s.toml:3: modes is given twice");
+  fails(good + "modes = [\"both\"]\n", "s.toml:3: key-value pair: cannot redefine existing array 'modes'");
   fails("sequences = [\"a\", \"b/a\"]\n", "s.toml:1: two sequences are called a");
   fails("sequences = []\n", "expected a list of sequences");
-  fails("sequences = [\"a\",\n\"b\"]\n", "s.toml:1: sequences: the closing ] is missing");
+  fails("sequences = [\"a\",\n\"b\"\nmodes = [\"none\"]\n",
+        "s.toml:3: array: expected comma or closing ']', saw 'm'");
   fails("modes = [\"all\"]\n", "'all' is none of none, semantic, geometric, both");
   fails(good + "seeds = [1, 1.5]\n", "'1.5' is no whole number");
   fails(good + "seeds = [2, 2]\n", "2 is given twice");
   fails(good + "[option]\n", "s.toml:3: unknown table [option]");
-  fails(good + "[variants.a/b]\n", "'a/b' is no name for a variant");
-  fails(good + "[variants.a]\n[variants.a]\n", "s.toml:4: [variants.a] is given twice");
+  fails(good + "[variants.a/b]\n", "s.toml:3: table header: expected ']', saw '/'");
+  fails(good + "[variants.'a/b']\n", "'a/b' is no name for a variant");
+  fails(good + "[variants.a]\n[variants.a]\n",
+        "s.toml:4: table header: cannot redefine existing table 'variants.a'");
   fails(good + "[options]\nseed = 1\n", "s.toml:4: seed is no option of a sweep's runs");
-  fails(good + "[options]\nmap\n", "expected 'key = value'");
+  fails(good + "[options]\nmap\n", "s.toml:4: key-value pair: expected '=', saw '\\n'");
   fails(good + "[options]\nmap = [1]\n", "map: expected text, a number, true or false");
 }
 

@@ -12,16 +12,8 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
-#include "dynslam/runtime/io/text_lines.hpp"
 
 namespace dynslam::app {
-namespace {
-
-using runtime::trim;
-using runtime::unquoted;
-using runtime::without_comment;
-
-}  // namespace
 
 std::vector<CLI::ConfigItem> ConfigFile::from_config(std::istream& in) const {
   std::vector<CLI::ConfigItem> result;
@@ -37,8 +29,7 @@ std::vector<CLI::ConfigItem> ConfigFile::from_config(std::istream& in) const {
   sections.take = [&](const std::string& section, std::string_view key, std::string_view value,
                       std::size_t line) -> std::string {
     if (!section.empty() && section != name) return {};
-    return take(command, std::string(unquoted(key)), std::string(unquoted(trim(without_comment(value)))),
-                fmt::format("{}:{}: ", file, line), result);
+    return take(command, std::string(key), std::string(value), fmt::format("{}:{}: ", file, line), result);
   };
   runtime::RunOptions ignored;  // a file may serve several commands
   std::optional<runtime::DynamicsMode> ignored_mode;

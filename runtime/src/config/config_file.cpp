@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
+#include "config/toml_entries.hpp"
 #include "dynslam/runtime/config/options_file.hpp"
 #include "dynslam/runtime/error.hpp"
-#include "dynslam/runtime/io/text_lines.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -49,6 +49,10 @@ constexpr std::array kRemovedTables{
     RemovedField{"tracker.geometry.delay.edge", kMargin},
 };
 
+auto removed_table(std::string_view name) {
+  return std::ranges::find(kRemovedTables, name, &RemovedField::name);
+}
+
 /// ", did you mean NAME?", or nothing.
 std::string hint(const std::string& name) {
   return name.empty() ? name : ", did you mean " + name + "?";
@@ -75,32 +79,21 @@ std::string nearest_key(const ConfigFields& fields, const std::string& table, co
   return {};
 }
 
-/// The name of a [table] line; empty: it is none.
-std::string table_name(std::string_view line) {
-  if (line.front() != '[') return {};
-  const auto close = line.find(']');
-  if (close == std::string_view::npos) return {};
-  const std::string_view rest = trim(line.substr(close + 1));
-  return rest.empty() || rest.front() == '#' ? std::string(trim(line.substr(1, close - 1))) : std::string();
-}
-
 /// A file being read.
 class ConfigReader {
  public:
   ConfigReader(const std::string& file, ConfigFields& fields, const ConfigSections& others)
       : file_(file), fields_(fields), others_(others), tables_(tables_of(fields)) {}
 
-  void line(std::string_view line, std::size_t number) {
-    number_ = number;
-    if (line.front() == '[') return begin(table_name(line));
-    if (removed_) return;
-    const auto equals = line.find('=');
-    if (equals == std::string_view::npos) fail("expected 'option = value'");
-    const std::string_view key = trim(line.substr(0, equals)), value = trim(line.substr(equals + 1));
-    if (in_table_) return set(table_ + '.' + std::string(key), value);
-    if (table_.empty() && key.find('.') != std::string_view::npos) return set(std::string(key), value);
-    if (!others_.take) fail(fmt::format("'{}' stands in no table", key));
-    if (const std::string reason = others_.take(table_, key, value, number); !reason.empty()) fail(reason);
+  void read(const TomlEntry& entry) {
+    number_ = entry.line;
+    if (entry.value == nullptr) return begin(entry.table);
+    if (removed_table(entry.table) != kRemovedTables.end()) return;
+    if (is_of_fields(entry.table)) return set(entry);
+    if (!others_.take) fail(fmt::format("'{}' stands in no table", entry.key));
+    if (const std::string reason = others_.take(entry.table, entry.key, toml_word(*entry.value), entry.line);
+        !reason.empty())
+      fail(reason);
   }
   [[nodiscard]] std::vector<std::string> take_notes() { return std::move(notes_); }
 
@@ -111,44 +104,35 @@ class ConfigReader {
     notes_.push_back(fmt::format("{}:{}: {} has no effect any more: {}", file_, number_, what, reason));
   }
 
-  void begin(std::string name) {
-    if (name.empty()) fail("expected [table]");
-    const auto removed = std::ranges::find(kRemovedTables, std::string_view(name), &RemovedField::name);
-    removed_ = removed != kRemovedTables.end();
-    if (removed_) return note_removed('[' + name + ']', removed->reason);
-    const auto has = [&](const std::vector<std::string>& names) {
-      return std::find(names.begin(), names.end(), name) != names.end();
-    };
-    in_table_ = has(tables_);
-    // A table that holds tables alone may be opened, too.
-    const bool outer = std::any_of(tables_.begin(), tables_.end(),
-                                   [&](const std::string& t) { return t.rfind(name + '.', 0) == 0; });
-    if (!in_table_ && !outer && !has(others_.names)) {
-      std::vector<std::string> known = tables_;
-      known.insert(known.end(), others_.names.begin(), others_.names.end());
-      std::string near = nearest_name(name, known);
-      for (const std::string& table : tables_) {  // or its last name alone
-        if (near.empty() && table.ends_with('.' + name)) near = table;
-      }
-      fail(fmt::format("unknown table [{}]{}", name, hint(near.empty() ? near : '[' + near + ']')));
-    }
-    in_table_ = in_table_ || outer;
-    table_ = std::move(name);
+  /// Or of tables that have fields.
+  bool is_of_fields(const std::string& name) const {
+    return std::ranges::any_of(tables_,
+                               [&](const std::string& t) { return t == name || t.starts_with(name + '.'); });
   }
 
-  void set(const std::string& name, std::string_view value) {
-    const auto field = std::find_if(fields_.begin(), fields_.end(),
-                                    [&](const ConfigField& one) { return one.name() == name; });
-    if (field == fields_.end()) {
-      const auto removed = std::find_if(kRemoved.begin(), kRemoved.end(),
-                                        [&](const RemovedField& one) { return one.name == name; });
-      if (removed != kRemoved.end()) return note_removed(name, removed->reason);
-      const auto dot = name.rfind('.');
-      const std::string table = name.substr(0, dot), key = name.substr(dot + 1);
-      fail(fmt::format("unknown key '{}' in [{}]{}", key, table, hint(nearest_key(fields_, table, key))));
+  void begin(const std::string& name) {
+    if (const auto removed = removed_table(name); removed != kRemovedTables.end())
+      return note_removed('[' + name + ']', removed->reason);
+    if (is_of_fields(name) || std::ranges::find(others_.names, name) != others_.names.end()) return;
+    std::vector<std::string> known = tables_;
+    known.insert(known.end(), others_.names.begin(), others_.names.end());
+    std::string near = nearest_name(name, known);
+    for (const std::string& table : tables_) {  // or its last name alone
+      if (near.empty() && table.ends_with('.' + name)) near = table;
     }
-    if (!given_.insert(name).second) fail(fmt::format("'{}' is given twice", name));
-    if (const std::string reason = set_config(*field, value); !reason.empty())
+    fail(fmt::format("unknown table [{}]{}", name, hint(near.empty() ? near : '[' + near + ']')));
+  }
+
+  void set(const TomlEntry& entry) {
+    const std::string name = entry.table + '.' + entry.key;
+    const auto field = std::ranges::find(fields_, name, &ConfigField::name);
+    if (field == fields_.end()) {
+      const auto removed = std::ranges::find(kRemoved, std::string_view(name), &RemovedField::name);
+      if (removed != kRemoved.end()) return note_removed(name, removed->reason);
+      fail(fmt::format("unknown key '{}' in [{}]{}", entry.key, entry.table,
+                       hint(nearest_key(fields_, entry.table, entry.key))));
+    }
+    if (const std::string reason = set_config(*field, *entry.value); !reason.empty())
       fail(fmt::format("{}: {}", name, reason));
   }
 
@@ -156,10 +140,6 @@ class ConfigReader {
   ConfigFields& fields_;
   const ConfigSections& others_;
   std::vector<std::string> tables_;
-  std::string table_;
-  bool removed_ = false;  // the table at hand is one of an earlier version
-  bool in_table_ = false;  // of fields
-  std::set<std::string> given_;
   std::vector<std::string> notes_;
   std::size_t number_ = 0;
 };
@@ -240,9 +220,11 @@ std::string config_file(const RunOptions& options) {
 std::vector<std::string> read_config(std::istream& in, const std::string& file, ConfigFields& fields,
                                      const ConfigSections& others) {
   ConfigReader reader(file, fields, others);
-  LineReader lines(in);
-  while (lines.next()) reader.line(trim(lines.line()), lines.number());
+  std::string text;
+  for (std::string line; std::getline(in, line);) text += line + '\n';
   if (in.bad()) throw InputError(file, 0, "cannot be read");
+  for (const TomlFile toml = read_toml(std::move(text), file); const TomlEntry& entry : toml.entries)
+    reader.read(entry);
   return reader.take_notes();
 }
 

@@ -8,8 +8,9 @@
 #include <concepts>
 #include <type_traits>
 
-#include "config/toml_value.hpp"
+#include "config/toml_entries.hpp"
 #include "dynslam/runtime/config/options_file.hpp"
+#include "dynslam/runtime/error.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -19,16 +20,8 @@ constexpr std::string_view kAuto = "auto";
 template <class Strings>
 std::string array_text(const Strings& strings) {
   std::string text;
-  for (const auto& one : strings) text += (text.empty() ? "" : ", ") + toml_string(one);
+  for (const auto& one : strings) text += (text.empty() ? "" : ", ") + toml_text(one);
   return '[' + text + ']';
-}
-
-/// The shortest digits that give the same value again, with a mark of a floating-point number.
-template <std::floating_point T>
-std::string number_text(T value) {
-  std::string text = fmt::format("{}", value);
-  if (std::isfinite(value) && text.find_first_of(".e") == std::string::npos) text += ".0";
-  return text;
 }
 
 /// Texts of the values, by type.
@@ -38,42 +31,42 @@ struct ConfigText {
   std::string operator()(const std::uint64_t* value) const { return std::to_string(*value); }
   template <std::floating_point T>
   std::string operator()(const T* value) const {
-    return number_text(*value);
+    return toml_text(*value);
   }
-  std::string operator()(const std::string* value) const { return toml_string(*value); }
-  std::string operator()(const std::filesystem::path* value) const { return toml_string(value->string()); }
+  std::string operator()(const std::string* value) const { return toml_text(*value); }
+  std::string operator()(const std::filesystem::path* value) const { return toml_text(value->string()); }
   std::string operator()(const std::vector<std::string>* value) const { return array_text(*value); }
   std::string operator()(std::span<double> values) const {
     std::string text;
-    for (const double one : values) text += (text.empty() ? "" : ", ") + number_text(one);
+    for (const double one : values) text += (text.empty() ? "" : ", ") + toml_text(one);
     return '[' + text + ']';
   }
   std::string operator()(const cv::Size* value) const {
     return fmt::format("[{}, {}]", value->width, value->height);
   }
   std::string operator()(const std::optional<double>* value) const {
-    return *value ? number_text(**value) : toml_string(kAuto);
+    return *value ? toml_text(**value) : toml_text(kAuto);
   }
   std::string operator()(const std::optional<Additions>* value) const {
-    if (!*value) return toml_string(kAuto);
+    if (!*value) return toml_text(kAuto);
     std::vector<std::string_view> names;
     for (const Addition& one : kAdditions) {
       if ((**value).*one.on) names.push_back(one.name);
     }
     return array_text(names);
   }
-  std::string operator()(const ConfigChoice& choice) const { return toml_string(choice.get()); }
+  std::string operator()(const ConfigChoice& choice) const { return toml_text(choice.get()); }
 };
 
 /// Takes a TOML value where it is of the right kind; otherwise says what was expected.
 class ConfigSetter {
  public:
-  ConfigSetter(const TomlValue& value, const ConfigRange& range) : value_(value.value), range_(range) {}
+  ConfigSetter(const toml::node& value, const ConfigRange& range) : value_(value), range_(range) {}
 
   std::string operator()(bool* out) const {
-    const bool* flag = std::get_if<bool>(&value_);
+    const auto* flag = value_.as_boolean();
     if (flag == nullptr) return "true or false";
-    *out = *flag;
+    *out = flag->get();
     return {};
   }
   template <class T>
@@ -85,7 +78,7 @@ class ConfigSetter {
     return {};
   }
   std::string operator()(std::string* out) const {
-    const auto* text = std::get_if<std::string>(&value_);
+    const std::string* text = string_in(value_);
     if (text == nullptr) return "a string in quotes";
     *out = *text;
     return {};
@@ -115,7 +108,7 @@ class ConfigSetter {
     return {};
   }
   std::string operator()(std::optional<double>* out) const {
-    const auto* text = std::get_if<std::string>(&value_);
+    const std::string* text = string_in(value_);
     const std::optional<double> number = parse<double>(value_);
     if (!number && (text == nullptr || *text != kAuto))
       return fmt::format("\"auto\" or a number, {}", range_.text());
@@ -123,7 +116,7 @@ class ConfigSetter {
     return {};
   }
   std::string operator()(std::optional<Additions>* out) const {
-    const auto* text = std::get_if<std::string>(&value_);
+    const std::string* text = string_in(value_);
     if (text != nullptr && *text == kAuto) {
       out->reset();
       return {};
@@ -145,7 +138,7 @@ class ConfigSetter {
     return {};
   }
   std::string operator()(ConfigChoice& choice) const {
-    const auto* text = std::get_if<std::string>(&value_);
+    const std::string* text = string_in(value_);
     if (text == nullptr || std::find(choice.names.begin(), choice.names.end(), *text) == choice.names.end())
       return fmt::format("one of \"{}\"", fmt::join(choice.names, "\", \""));
     choice.set(*text);
@@ -153,24 +146,30 @@ class ConfigSetter {
   }
 
  private:
-  using Any = decltype(TomlValue::value);
-
+  static const std::string* string_in(const toml::node& value) {
+    const auto* text = value.as_string();
+    return text != nullptr ? &text->get() : nullptr;
+  }
   template <class T>
   static std::string number_kind() {
     return std::floating_point<T> ? "a finite number"
            : std::is_signed_v<T>  ? "a whole number"
                                   : "a whole number from 0";
   }
-  /// A number within the range, in the type itself: a float that were read as a double would be rounded
-  /// twice.
   template <class T>
-  [[nodiscard]] std::optional<T> parse(const Any& any) const {
-    const auto* number = std::get_if<TomlNumber>(&any);
-    if (number == nullptr) return std::nullopt;
-    const char* end = number->digits.data() + number->digits.size();
+  [[nodiscard]] std::optional<T> parse(const toml::node& node) const {
     T value{};
-    const auto [stop, error] = std::from_chars(number->digits.data(), end, value);
-    if (error != std::errc() || stop != end) return std::nullopt;
+    if constexpr (std::floating_point<T>) {
+      const std::optional<double> number = node.value<double>();
+      if (!number) return std::nullopt;
+      value = static_cast<T>(*number);
+    } else {
+      // Of digits alone where TOML has no number so large.
+      const std::string word = std::is_signed_v<T> && !node.is_integer() ? std::string() : toml_word(node);
+      const char* end = word.data() + word.size();
+      const auto [stop, error] = std::from_chars(word.data(), end, value);
+      if (error != std::errc() || stop != end) return std::nullopt;
+    }
     ConfigRange range = range_;
     if constexpr (std::is_same_v<T, float>) {  // the bounds themselves are allowed
       range.low = static_cast<double>(static_cast<float>(range.low));
@@ -181,29 +180,27 @@ class ConfigSetter {
   }
   template <class T>
   [[nodiscard]] std::optional<std::vector<T>> array(std::size_t size) const {
-    const auto* values = std::get_if<TomlArray>(&value_);
+    const toml::array* values = value_.as_array();
     if (values == nullptr || values->size() != size) return std::nullopt;
     std::vector<T> result;
-    for (const TomlValue& one : *values) {
-      const std::optional<T> number = parse<T>(one.value);
+    for (const toml::node& one : *values) {
+      const std::optional<T> number = parse<T>(one);
       if (!number) return std::nullopt;
       result.push_back(*number);
     }
     return result;
   }
   [[nodiscard]] std::optional<std::vector<std::string>> strings() const {
-    const auto* values = std::get_if<TomlArray>(&value_);
-    if (values == nullptr) return std::nullopt;
+    if (!value_.is_array()) return std::nullopt;
     std::vector<std::string> result;
-    for (const TomlValue& one : *values) {
-      const auto* text = std::get_if<std::string>(&one.value);
-      if (text == nullptr) return std::nullopt;
-      result.push_back(*text);
+    for (const toml::node& one : *value_.as_array()) {
+      if (!one.is_string()) return std::nullopt;
+      result.push_back(toml_word(one));
     }
     return result;
   }
 
-  const Any& value_;
+  const toml::node& value_;
   const ConfigRange& range_;
 };
 
@@ -223,12 +220,19 @@ std::string config_text(const ConfigField& field) {
   return std::visit(ConfigText{}, field.value);
 }
 
-std::string set_config(ConfigField& field, std::string_view text) {
-  TomlValue value;
-  if (std::string reason = parse_toml(text, value); !reason.empty()) return reason;
+std::string set_config(ConfigField& field, const toml::node& value) {
   const std::string expected = std::visit(ConfigSetter(value, field.range), field.value);
-  if (expected.empty()) return {};
-  return fmt::format("expected {}, not {}", expected, text.substr(0, text.find_last_not_of(" \t\r") + 1));
+  return expected.empty() ? expected : fmt::format("expected {}, not {}", expected, toml_text(value));
+}
+
+std::string set_config(ConfigField& field, std::string_view text) {
+  try {
+    const TomlFile toml = read_toml("value = " + std::string(text), field.name());
+    const toml::node* value = toml.root.get("value");
+    return value == nullptr || toml.entries.size() != 1 ? "expected one value" : set_config(field, *value);
+  } catch (const InputError& error) {
+    return error.what();
+  }
 }
 
 }  // namespace dynslam::runtime

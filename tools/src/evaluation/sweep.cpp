@@ -7,11 +7,9 @@
 #include <algorithm>
 #include <charconv>
 #include <nlohmann/json.hpp>
-#include <set>
-#include <sstream>
 #include <utility>
 
-#include "config/toml_value.hpp"
+#include "config/toml_entries.hpp"
 #include "dynslam/runtime/config/options_file.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
@@ -23,6 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using Options = std::vector<std::pair<std::string, std::string>>;  // name, value
+using Variant = std::pair<std::string, Options>;
 
 constexpr std::string_view kVariants = "variants.";
 constexpr std::size_t kMostJobs = 100000;
@@ -34,11 +33,8 @@ bool is_name(std::string_view text) {
 }
 
 /// A value as a word of the command line; empty: it is a list or empty itself.
-std::string word_of(const TomlValue& value) {
-  if (const auto* text = std::get_if<std::string>(&value.value)) return *text;
-  if (const auto* number = std::get_if<TomlNumber>(&value.value)) return number->digits;
-  if (const auto* flag = std::get_if<bool>(&value.value)) return *flag ? "true" : "false";
-  return {};
+std::string word_of(const toml::node& value) {
+  return value.is_array() ? std::string() : toml_word(value);
 }
 
 /// A sweep's file being read.
@@ -51,20 +47,18 @@ class SweepReader {
   }
 
   Sweep read() {
-    std::istringstream in(sweep_.text);
-    for (std::string line; std::getline(in, line);) {
-      ++number_;
-      const std::string_view text = trim(line);
-      if (text.empty() || text.front() == '#') continue;
-      if (text.front() == '[') {
-        begin(text);
+    const TomlFile toml = read_toml(sweep_.text, file_);
+    for (const TomlEntry& entry : toml.entries) {
+      number_ = entry.line;
+      if (entry.value == nullptr) {
+        begin(entry.table);
       } else {
-        set(text);
+        set(entry);
       }
     }
     number_ = 0;
     for (const char* key : {"sequences", "modes"}) {
-      if (!given_.contains(key)) fail(fmt::format("{} is missing", key));
+      if (!toml.root.contains(key)) fail(fmt::format("{} is missing", key));
     }
     for (const auto& [name, options] : variants_) sweep_.variants.push_back(name);
     if (variants_.empty()) variants_.emplace_back();
@@ -75,50 +69,43 @@ class SweepReader {
  private:
   [[noreturn]] void fail(const std::string& reason) const { throw InputError(file_, number_, reason); }
 
-  void begin(std::string_view line) {
-    const auto close = line.find(']');
-    const std::string_view rest = close == std::string_view::npos ? "?" : trim(line.substr(close + 1));
-    if (!rest.empty() && rest.front() != '#') fail("expected [table]");
-    table_ = trim(line.substr(1, close - 1));
-    if (!tables_.insert(table_).second) fail(fmt::format("[{}] is given twice", table_));
-    if (table_.starts_with(kVariants)) {
-      const std::string name = table_.substr(kVariants.size());
+  void begin(const std::string& table) {
+    if (table.starts_with(kVariants)) {
+      const std::string name = table.substr(kVariants.size());
       if (!is_name(name)) fail(fmt::format("'{}' is no name for a variant: letters, digits, _ and -", name));
       variants_.emplace_back(name, Options());
-    } else if (table_ != "options") {
-      fail(fmt::format("unknown table [{}], expected [options] or [variants.NAME]", table_));
+    } else if (table != "options") {
+      fail(fmt::format("unknown table [{}], expected [options] or [variants.NAME]", table));
     }
   }
 
-  void set(std::string_view line) {
-    const auto equals = line.find('=');
-    if (equals == std::string_view::npos) fail("expected 'key = value'");
-    const std::string key(trim(line.substr(0, equals)));
-    TomlValue value;
-    if (const std::string reason = parse_toml(line.substr(equals + 1), value); !reason.empty())
-      fail(fmt::format("{}: {}", key, reason));
-    if (!given_.insert(table_.empty() ? key : table_ + ' ' + key).second)
-      fail(fmt::format("{} is given twice", key));
-    if (!table_.empty()) return set_option(key, value);
-    if (key == "sequences") return set_sequences(value);
-    if (key == "modes") return set_modes(value);
-    if (key == "seeds") return set_seeds(value);
+  void set(const TomlEntry& entry) {
+    const auto& [table, key, value, line] = entry;
+    if (!table.empty()) return set_option(options_of(table), key, *value);
+    if (key == "sequences") return set_sequences(*value);
+    if (key == "modes") return set_modes(*value);
+    if (key == "seeds") return set_seeds(*value);
     if (key != "out") {
       const std::string near = nearest_name(key, {"sequences", "modes", "seeds", "out"});
       fail(fmt::format("unknown key '{}'{}", key, near.empty() ? near : ", did you mean " + near + "?"));
     }
-    sweep_.out = plain(word_of(value), key);
+    sweep_.out = plain(word_of(*value), key);
     if (sweep_.out.empty()) fail("out: expected a folder");
   }
 
-  void set_option(const std::string& key, const TomlValue& value) {
+  Options& options_of(std::string_view table) {
+    if (table == "options") return common_;
+    return std::ranges::find(variants_, table.substr(kVariants.size()), &Variant::first)->second;
+  }
+
+  void set_option(Options& options, const std::string& key, const toml::node& value) {
     if (!is_name(key)) fail(fmt::format("'{}' is no option of run", key));
     for (const char* own : {"out", "dynamics", "seed", "live", "live-speed", "help", "view"}) {
       if (key == own) fail(fmt::format("{} is no option of a sweep's runs", key));
     }
     std::string word = plain(word_of(value), key);
     if (word.empty()) fail(fmt::format("{}: expected text, a number, true or false", key));
-    (table_ == "options" ? common_ : variants_.back().second).emplace_back(key, std::move(word));
+    options.emplace_back(key, std::move(word));
   }
 
   /// Jobs are lines of a list, and results cells of tables.
@@ -127,14 +114,14 @@ class SweepReader {
     return word;
   }
 
-  const TomlArray& list(const TomlValue& value, const char* of) const {
-    const auto* array = std::get_if<TomlArray>(&value.value);
+  const toml::array& list(const toml::node& value, const char* of) const {
+    const toml::array* array = value.as_array();
     if (array == nullptr || array->empty()) fail(fmt::format("expected a list of {}", of));
     return *array;
   }
 
-  void set_sequences(const TomlValue& value) {
-    for (const TomlValue& one : list(value, "sequences")) {
+  void set_sequences(const toml::node& value) {
+    for (const toml::node& one : list(value, "sequences")) {
       std::string path = plain(word_of(one), "sequences");
       const fs::path full = (sweep_.folder / path).lexically_normal();
       const std::string name = (full.has_filename() ? full : full.parent_path()).stem().string();
@@ -147,8 +134,8 @@ class SweepReader {
     }
   }
 
-  void set_modes(const TomlValue& value) {
-    for (const TomlValue& one : list(value, "modes")) {
+  void set_modes(const toml::node& value) {
+    for (const toml::node& one : list(value, "modes")) {
       const std::string mode = word_of(one);
       if (!parse_dynamics(mode))
         fail(fmt::format("modes: '{}' is none of none, semantic, geometric, both", mode));
@@ -158,8 +145,8 @@ class SweepReader {
     }
   }
 
-  void set_seeds(const TomlValue& value) {
-    for (const TomlValue& one : list(value, "seeds")) {
+  void set_seeds(const toml::node& value) {
+    for (const toml::node& one : list(value, "seeds")) {
       const std::string digits = word_of(one);
       std::size_t seed = 0;
       const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), seed);
@@ -211,10 +198,8 @@ class SweepReader {
   std::string file_;
   Sweep sweep_;
   std::size_t number_ = 0;
-  std::string table_;
-  std::set<std::string> tables_, given_;
   Options common_;
-  std::vector<std::pair<std::string, Options>> variants_;
+  std::vector<Variant> variants_;
   std::vector<std::string> paths_;
   std::vector<std::optional<std::size_t>> seeds_;
 };

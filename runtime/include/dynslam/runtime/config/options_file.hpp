@@ -75,24 +75,25 @@ using ConfigFields = std::vector<ConfigField>;
 /// The same for the options that a run is made with.
 [[nodiscard]] std::string config_file(const RunOptions& options);
 
-/// Sets a field. @param text  TOML: a value, and a comment at most
+/// Sets a field. @param text  a value of TOML
 /// @return what was expected instead, with the field as it was; empty: it is set
 [[nodiscard]] std::string set_config(ConfigField& field, std::string_view text);
 
 /// Lines of a configuration file that are no fields: sections with options of the command line.
 struct ConfigSections {
   std::vector<std::string> names;
-  /// Takes `key = value` of the section, or of none (empty). @return what is wrong with it; empty: nothing
+  /// Takes `key = value` of the section, or of none (empty); the value without its quotes.
+  /// @return what is wrong with it; empty: nothing
   std::function<std::string(const std::string& section, std::string_view key, std::string_view value,
                             std::size_t line)>
       take = {};
 };
 
-/// Reads a configuration file: `key = value` lines under [table], # comments. Each value stands on one line.
+/// Reads a configuration file, which is TOML; a value that is none, as in `dynamics = none`, counts as text.
 /// Fields that it does not name keep their values.
 /// @param file  its name, for errors
-/// @throws InputError (file, line): unknown table or key with the nearest name, a field given twice, a wrong
-///         value with what was expected; fields before that line are set
+/// @throws InputError (file, line): what is no TOML, a field given twice among it; unknown table or key with
+///         the nearest name, a wrong value with what was expected: fields before that line are set
 /// @return a line (file, line, what took its place) for each field that an earlier version had: it has no
 ///         effect
 std::vector<std::string> read_config(std::istream& in, const std::string& file, ConfigFields& fields,
