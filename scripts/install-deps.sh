@@ -14,7 +14,7 @@ set -euo pipefail
 core=(build-essential cmake ninja-build libeigen3-dev)
 app=("${core[@]}" ccache curl ca-certificates libopencv-dev liboctomap-dev libcli11-dev nlohmann-json3-dev libtomlplusplus-dev libfmt-dev
   libjpeg-dev libdeflate-dev libbz2-dev liblz4-dev libzstd-dev libsqlite3-dev file)  # file: cpack asks it which files are programs
-development=(git clang doctest-dev libbenchmark-dev libceres-dev libopencv-contrib-dev
+development=(git clang doctest-dev libbenchmark-dev libceres-dev libspng-dev libopencv-contrib-dev
   pkg-config python3 unzip doxygen libjs-mathjax parallel)
 python=(pybind11-dev python3-dev python3-numpy)
 # For one test each (the first with 60 packages of ROS and Boost), and not in every release: taken where apt has them.

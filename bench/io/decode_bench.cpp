@@ -83,9 +83,8 @@ cv::Mat by_spng(const std::string& bytes, bool colour) {
       spng_get_ihdr(context.get(), &header) != 0)
     return {};
   cv::Mat image(static_cast<int>(header.height), static_cast<int>(header.width), colour ? CV_8UC3 : CV_16UC1);
-  const int format =
-      colour ? SPNG_FMT_RGB8 : SPNG_FMT_PNG;  // the latter: the file's, in the machine's byte order
-  if (spng_decode_image(context.get(), image.data, image.total() * image.elemSize(), format, 0) != 0)
+  // As the file has its samples, in the machine's byte order.
+  if (spng_decode_image(context.get(), image.data, image.total() * image.elemSize(), SPNG_FMT_PNG, 0) != 0)
     return {};
   if (colour) cv::cvtColor(image, image, cv::COLOR_RGB2BGR);
   return image;

@@ -277,7 +277,7 @@ TEST_CASE("a value that is no TOML counts as text; a name in quotes is none of s
   Configured c;
   c.read("[general]\ndynamics = both # bare\ncamera = /a/b#c.txt # comment\n");
   CHECK(c.options.camera == "/a/b#c.txt");
-  CHECK(c.dynamics == DynamicsMode::Both);
+  CHECK(c.dynamics == DynamicsMode::both);
   CHECK(mentions(error_of([&] { c.read("\"general.camera\" = 'fr1'\n"); }), "c.toml:1: "));
   std::string deep = "a";
   for (int i = 0; i < 100000; ++i) deep += ".a";
