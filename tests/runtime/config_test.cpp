@@ -257,7 +257,9 @@ TEST_CASE("numbers keep all their digits: floats and doubles of any bits, seeds 
   std::mt19937_64 random(3);
   const auto check_bits = [&]<class T, class Bits>(T, Bits) {
     T value{}, read{};
-    ConfigField written{.value = &value}, field{.value = &read};
+    ConfigField written, field;
+    written.value = &value;
+    field.value = &read;
     for (int i = 0; i < 4000; ++i) {
       value = std::bit_cast<T>(static_cast<Bits>(random()));
       if (!std::isfinite(value)) continue;

@@ -228,7 +228,7 @@ TEST_CASE(
   write("dynamics = none\n\nmax-frame = 3\n");
   check_one_line_error(run, 1, "c.toml:3: unknown option 'max-frame' of run, did you mean max-frames?");
   write("[run]\ndynamics none\n");
-  check_one_line_error(run, 1, "c.toml:2: expected 'option = value'");
+  check_one_line_error(run, 1, "c.toml:2: key-value pair: expected '=', saw 'n'");
   write("[walk]\n");
   check_one_line_error(run, 1, "c.toml:1: unknown table [walk]");
   write("seed = 1\ndynamics = magic\n");
