@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
+#include <filesystem>
 #include <span>
 #include <string>
 #include <vector>
@@ -156,10 +157,11 @@ void opencv_flood_fill(benchmark::State& state, const Scene<float>& scene) {
 /// The middle depth image of fr1_xyz [m]; empty where the data are absent.
 const Image<float>& recorded_depth() {
   static const auto depth = [] {
-    std::vector<cv::String> files;
     const char* data = std::getenv("DYNSLAM_DATA");
-    if (data != nullptr)
-      cv::glob(std::string(data) + "/tum/rgbd_dataset_freiburg1_xyz_first200/depth/*.png", files);
+    const auto folder =
+        std::filesystem::path(data != nullptr ? data : "") / "tum/rgbd_dataset_freiburg1_xyz_first200/depth";
+    std::vector<cv::String> files;
+    if (std::filesystem::is_directory(folder)) cv::glob((folder / "*.png").string(), files);
     Image<float> out;
     if (files.empty()) return out;
     cv::Mat z = cv::imread(files[files.size() / 2], cv::IMREAD_UNCHANGED);

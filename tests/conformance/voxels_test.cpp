@@ -5,6 +5,7 @@
 #include "dynslam/semantic/log_odds.hpp"
 #include "dynslam/semantic/scan_retention.hpp"
 #include "dynslam/semantic/voxel.hpp"
+#include "dynslam/semantic/voxel_block.hpp"
 #include "dynslam/semantic/voxel_block_map.hpp"
 
 using namespace dynslam;
@@ -76,6 +77,15 @@ TEST_CASE_TEMPLATE("voxels and their summaries count alike", S, float, double) {
       update.finish();
     }
     CHECK(tree.find(key, 5) != nullptr);
+    BasicScanVoxels<N> scan{VoxelGrid(1.0)};
+    scan.add_end(key, static_cast<std::uint16_t>(N - 1), {});
+    scan.finish();
+    VoxelBlock<S, N> block;
+    CellSummary<S, N> of_block;
+    std::vector<LabelHistogram<N>> scratch;
+    block.fuse(scan, scan.block(scan.order()[0]), params, of_block, scratch);
+    CHECK(block.state(0) == Occupancy::occupied);
+    CHECK(block.summary(0, 2).votes == of_block.votes);
     LabelHistogram<N> labels(std::array<std::uint8_t, N>{});
     labels.add(0, 3);
     labels.merge(voxel.labels);

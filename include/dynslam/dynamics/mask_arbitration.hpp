@@ -12,8 +12,8 @@
 #include <string_view>
 
 #include "dynslam/geometry/se3.hpp"
+#include "dynslam/geometry/small_cholesky.hpp"
 #include "dynslam/optim/pose.hpp"
-#include "dynslam/optim/small_cholesky.hpp"
 
 namespace dynslam {
 

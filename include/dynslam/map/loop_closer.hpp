@@ -19,11 +19,11 @@
 #include "dynslam/features/guided_match.hpp"
 #include "dynslam/features/place_index.hpp"
 #include "dynslam/geometry/se3.hpp"
+#include "dynslam/geometry/small_cholesky.hpp"
 #include "dynslam/image/depth.hpp"
 #include "dynslam/map/keyframe_map.hpp"
 #include "dynslam/map/place_verifier.hpp"
 #include "dynslam/optim/pose_graph.hpp"
-#include "dynslam/optim/small_cholesky.hpp"
 #include "dynslam/robust/kernels.hpp"
 
 namespace dynslam {

@@ -57,8 +57,8 @@ class BlockSparseSystem {
   [[nodiscard]] bool factor() {
     std::fill(factor_.begin(), factor_.end(), Block{});
     for (std::size_t k = 0; k < blocks_.size(); ++k) {
-      if (turned_[k] != 0) {
-        copy_turned(blocks_[k], factor_[target_[k]]);
+      if (transposed_[k] != 0) {
+        copy_transposed(blocks_[k], factor_[target_[k]]);
       } else {
         factor_[target_[k]] = blocks_[k];
       }
@@ -86,7 +86,7 @@ class BlockSparseSystem {
       S* const at = work_.data() + B * j;
       const auto [begin, end] = column_range(j);
       for (std::size_t p = begin + 1; p < end; ++p)
-        subtract_turned_product(factor_[p], work_.data() + B * row_[p], at);
+        subtract_transposed_product(factor_[p], work_.data() + B * row_[p], at);
       solve_upper(factor_[begin], at);
     }
     for (int j = 0; j < n_; ++j) std::copy_n(work_.begin() + B * j, B, x.begin() + B * order_[index(j)]);
@@ -161,13 +161,13 @@ class BlockSparseSystem {
       }
     }
     target_.resize(rows_.size());
-    turned_.resize(rows_.size());
+    transposed_.resize(rows_.size());
     each_block([&](std::size_t p, int a, int b) {
       const auto [begin, end] = column_range(std::min(a, b));
       const auto first = row_.begin() + static_cast<std::ptrdiff_t>(begin);
       const auto last = row_.begin() + static_cast<std::ptrdiff_t>(end);
       target_[p] = index(std::lower_bound(first, last, std::max(a, b)) - row_.begin());
-      turned_[p] = a < b;
+      transposed_[p] = a < b;
     });
     factor_.resize(row_.size());
     head_.resize(index(n_));
@@ -185,10 +185,10 @@ class BlockSparseSystem {
     for (int k = head_[index(j)]; k >= 0;) {
       const int after = next_[index(k)];
       const std::size_t first = cursor_[index(k)], last = index(column_begin_[index(k) + 1]);
-      Block turned;
-      copy_turned(factor_[first], turned);
+      Block transposed;
+      copy_transposed(factor_[first], transposed);
       for (std::size_t p = first; p < last; ++p)
-        subtract_block_product(factor_[p], turned, factor_[at_[index(row_[p])]]);
+        subtract_block_product(factor_[p], transposed, factor_[at_[index(row_[p])]]);
       wait(k, first + 1, last);
       k = after;
     }
@@ -227,7 +227,7 @@ class BlockSparseSystem {
     for (int c = 0; c < B; ++c) out[index(c)] = block[index(B * c + c)];
     return out;
   }
-  static void copy_turned(const Block& from, Block& to) {
+  static void copy_transposed(const Block& from, Block& to) {
     for (int c = 0; c < B; ++c) {
       for (int r = 0; r < B; ++r) to[index(B * r + c)] = from[index(B * c + r)];
     }
@@ -272,7 +272,7 @@ class BlockSparseSystem {
     }
   }
   /// y -= A^T x
-  static void subtract_turned_product(const Block& A, const S* x, S* y) {
+  static void subtract_transposed_product(const Block& A, const S* x, S* y) {
     for (int c = 0; c < B; ++c) {
       S sum = S(0);
       for (int r = 0; r < B; ++r) sum += A[index(B * c + r)] * x[r];
@@ -287,7 +287,7 @@ class BlockSparseSystem {
   std::vector<int> column_begin_, row_;  // the factor, likewise
   std::vector<Block> factor_;
   std::vector<std::size_t> target_;       // of a block of the matrix its place in the factor,
-  std::vector<std::uint8_t> turned_;      // and whether it is transposed there
+  std::vector<std::uint8_t> transposed_;  // and whether it is transposed there
   std::vector<int> head_, next_;          // lists of columns by the row that is their next
   std::vector<std::size_t> cursor_, at_;  // that row's place; of each row its place in the column at hand
   std::vector<S> work_;

@@ -6,7 +6,7 @@
 #include <Eigen/Core>
 
 #include "dynslam/concepts/scalar.hpp"
-#include "dynslam/optim/small_cholesky.hpp"
+#include "dynslam/geometry/small_cholesky.hpp"
 
 namespace dynslam {
 

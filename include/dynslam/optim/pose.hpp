@@ -29,9 +29,9 @@ namespace dynslam {
 /// Options of optimize_pose.
 template <Scalar S>
 struct PoseOptions {
-  /// Optimisations, each followed by a new choice of inliers. A third one changes nothing: over 300 poses of
-  /// 300 points, 0 to 70 % of them wrong, errors after two and three are the same.
-  int rounds = 2;
+  /// Optimisations, each followed by a new choice of inliers. From a consensus (absolute_pose()) two do: a
+  /// third changes no pose. From a prediction it may.
+  int rounds = 3;
   int max_iterations = 8;  ///< accepted or refused steps per round
   bool use_depth = true;
   S inlier_chi2_2d = S(kChiSquare95<2>);  ///< of an observation without depth

@@ -15,8 +15,8 @@
 #include "dynslam/concepts/camera.hpp"
 #include "dynslam/config.hpp"
 #include "dynslam/geometry/se3.hpp"
+#include "dynslam/geometry/small_cholesky.hpp"
 #include "dynslam/optim/pose_residual.hpp"
-#include "dynslam/optim/small_cholesky.hpp"
 #include "dynslam/robust/block_jackknife.hpp"
 
 namespace dynslam {

@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "dynslam/geometry/se3.hpp"
+#include "dynslam/geometry/small_cholesky.hpp"
 #include "dynslam/optim/banded_system.hpp"
-#include "dynslam/optim/small_cholesky.hpp"
 #include "dynslam/robust/chi_square.hpp"
 
 namespace dynslam {

@@ -13,8 +13,8 @@
 #include <span>
 
 #include "dynslam/geometry/detail/normalised_matches.hpp"
+#include "dynslam/geometry/small_cholesky.hpp"
 #include "dynslam/geometry/so3.hpp"
-#include "dynslam/optim/small_cholesky.hpp"
 
 namespace dynslam::detail {
 

@@ -16,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-#include "dynslam/optim/small_cholesky.hpp"
+#include "dynslam/geometry/small_cholesky.hpp"
 #include "dynslam/robust/consensus.hpp"
 #include "dynslam/robust/split_mix64.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "dynslam/optim/small_cholesky.hpp"
+#include "dynslam/geometry/small_cholesky.hpp"
 
 #include <doctest/doctest.h>
 
