@@ -5,8 +5,6 @@
 
 #ifdef DYNSLAM_BENCH_OPENCV
 #include <algorithm>
-#include <cstdlib>
-#include <filesystem>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -16,6 +14,7 @@
 
 #include "dynslam/runtime/slam/fast_corners.hpp"
 #include "support/named.hpp"
+#include "support/recorded_files.hpp"
 
 namespace {
 
@@ -23,14 +22,8 @@ using namespace dynslam;
 using runtime::FastCorner, runtime::FastCorners;
 
 cv::Mat grey_image() {
-  if (const char* data = std::getenv("DYNSLAM_DATA")) {
-    std::vector<std::filesystem::path> files;
-    const auto folder = std::filesystem::path(data) / "tum/rgbd_dataset_freiburg1_xyz_first200/rgb";
-    if (std::filesystem::is_directory(folder)) {
-      for (const auto& entry : std::filesystem::directory_iterator(folder)) files.push_back(entry.path());
-    }
-    if (!files.empty()) return cv::imread(std::ranges::min_element(files)->string(), cv::IMREAD_GRAYSCALE);
-  }
+  if (const auto files = bench::recorded_files("rgb"); !files.empty())
+    return cv::imread(files.front().string(), cv::IMREAD_GRAYSCALE);
   cv::Mat image(480, 640, CV_8UC1);
   cv::RNG random(7);
   random.fill(image, cv::RNG::UNIFORM, 0, 256);

@@ -8,8 +8,6 @@
 #ifdef DYNSLAM_BENCH_OPENCV
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
-#include <filesystem>
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -22,6 +20,7 @@
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/read_file.hpp"
 #include "support/named.hpp"
+#include "support/recorded_files.hpp"
 #include "support/rng.hpp"
 
 namespace {
@@ -49,19 +48,8 @@ cv::Mat made_up(bool colour) {
 
 /// Bytes of a PNG.
 std::string encoded(bool colour) {
-  const char* data = std::getenv("DYNSLAM_DATA");
-  if (data != nullptr) {
-    const auto folder =
-        std::filesystem::path(data) / "tum/rgbd_dataset_freiburg1_xyz_first200" / (colour ? "rgb" : "depth");
-    std::filesystem::path first;
-    if (std::filesystem::is_directory(folder)) {
-      for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-        if (entry.path().extension() == ".png" && (first.empty() || entry.path() < first))
-          first = entry.path();
-      }
-    }
-    if (!first.empty()) return runtime::read_file(first);
-  }
+  const auto files = bench::recorded_files(colour ? "rgb" : "depth");
+  if (!files.empty()) return runtime::read_file(files.front());
   std::vector<std::uint8_t> bytes;
   cv::imencode(".png", made_up(colour), bytes);
   return {bytes.begin(), bytes.end()};

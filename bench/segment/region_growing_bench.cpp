@@ -8,8 +8,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
-#include <filesystem>
 #include <span>
 #include <string>
 #include <vector>
@@ -17,6 +15,7 @@
 #include "dynslam/image/image.hpp"
 #include "dynslam/segment/region_growing.hpp"
 #include "support/named.hpp"
+#include "support/recorded_files.hpp"
 #include "support/rng.hpp"
 
 #ifdef DYNSLAM_BENCH_OPENCV
@@ -157,14 +156,10 @@ void opencv_flood_fill(benchmark::State& state, const Scene<float>& scene) {
 /// The middle depth image of fr1_xyz [m]; empty where the data are absent.
 const Image<float>& recorded_depth() {
   static const auto depth = [] {
-    const char* data = std::getenv("DYNSLAM_DATA");
-    const auto folder =
-        std::filesystem::path(data != nullptr ? data : "") / "tum/rgbd_dataset_freiburg1_xyz_first200/depth";
-    std::vector<cv::String> files;
-    if (std::filesystem::is_directory(folder)) cv::glob((folder / "*.png").string(), files);
+    const auto files = bench::recorded_files("depth");
     Image<float> out;
     if (files.empty()) return out;
-    cv::Mat z = cv::imread(files[files.size() / 2], cv::IMREAD_UNCHANGED);
+    cv::Mat z = cv::imread(files[files.size() / 2].string(), cv::IMREAD_UNCHANGED);
     z.convertTo(z, CV_32F, 1.0 / 5000);
     out = Image<float>(kWidth, kHeight);
     std::copy_n(z.ptr<float>(), kWidth * kHeight, out.data());

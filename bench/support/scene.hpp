@@ -29,8 +29,8 @@ struct PoseProblem {
 };
 
 template <class S>
-[[nodiscard]] PoseProblem<S> pose_problem(int points, double outliers, unsigned seed = 7) {
-  Random random(seed);
+[[nodiscard]] PoseProblem<S> pose_problem(int points, double outliers) {
+  Random random(7);
   Eigen::Matrix<S, 6, 1> truth;
   truth << S(0.3), S(-0.2), S(0.1), S(0.05), S(-0.1), S(0.2);
   Eigen::Matrix<S, 6, 1> error;
