@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The configuration file: every field of the options, printed, read, and with an effect.
 #include <doctest/doctest.h>
+#include <fmt/format.h>
 
 #include <bit>
 #include <cmath>
@@ -281,6 +282,9 @@ TEST_CASE("a value that is no TOML counts as text; a name in quotes is none of s
   CHECK(c.options.camera == "/a/b#c.txt");
   CHECK(c.dynamics == DynamicsMode::both);
   CHECK(mentions(error_of([&] { c.read("\"general.camera\" = 'fr1'\n"); }), "c.toml:1: "));
+  for (const char* table : {"[&]", "[[%b]]", "[\xC3\xA9t\xC3\xA9]"})  // an assertion of toml++ 3.3
+    CHECK(mentions(error_of([&] { c.read(fmt::format("general.seed = 7\n\n{}\nseed = 8\n", table)); }),
+                   "c.toml:3: expected a name"));
   std::string deep = "a";
   for (int i = 0; i < 100000; ++i) deep += ".a";
   for (const std::string& text : {deep + " = 1\n", "[" + deep + "]\n"})

@@ -2,6 +2,7 @@
 #include "config/toml_entries.hpp"
 
 #include <algorithm>
+#include <ranges>
 #include <sstream>
 #include <utility>
 
@@ -55,6 +56,29 @@ InputError error_of(const toml::parse_error& error, std::string_view line, const
   return {file, error.source().begin.line, std::string(reason)};
 }
 
+/// The line, 1-based, at which toml++ breaks its own assertion.
+std::size_t asserting_line(std::string_view text) {
+  const auto passes = [&](std::size_t lines) {
+    try {
+      const std::string_view last = line_at(text, lines);
+      (void)toml::parse(text.substr(0, static_cast<std::size_t>(last.data() + last.size() - text.data())));
+      return true;
+    } catch (const TomlAssertion&) {
+      return false;
+    }
+  };
+  const auto lines = std::views::iota(std::size_t{1}, static_cast<std::size_t>(std::ranges::count(text, '\n')) + 2);
+  return *std::ranges::partition_point(lines, passes);
+}
+
+toml::parse_result parse(const std::string& text, const std::string& file) {
+  try {
+    return toml::parse(text);
+  } catch (const TomlAssertion&) {
+    throw InputError(file, asserting_line(text), "expected a name");
+  }
+}
+
 }  // namespace
 
 TomlFile read_toml(std::string text, const std::string& file) {
@@ -67,7 +91,7 @@ TomlFile read_toml(std::string text, const std::string& file) {
     dots = 0;
   }
   for (;;) {
-    toml::parse_result result = toml::parse(text);
+    toml::parse_result result = parse(text, file);
     if (result) {
       TomlFile toml{std::move(result).table(), {}};
       add_entries({}, toml.root, toml.entries);

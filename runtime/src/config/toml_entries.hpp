@@ -2,11 +2,23 @@
 // Files of TOML, read by toml++ from its headers.
 #pragma once
 
+#include <fmt/format.h>
+
 #define TOML_HEADER_ONLY 1
 #define TOML_EXCEPTIONS 0
 #define TOML_ENABLE_FORMATTERS 0
-#include <fmt/format.h>
+// toml++ 3.3 asserts what a file may break (the name of a table that starts with '&'); with NDEBUG it assumes it.
+#define TOML_ASSERT(condition) ((condition) ? void() : ::dynslam::runtime::throw_toml_assertion())
+#pragma push_macro("NDEBUG")
+#undef NDEBUG
+namespace dynslam::runtime {
+struct TomlAssertion {};
+[[noreturn]] inline void throw_toml_assertion() {
+  throw TomlAssertion();
+}
+}  // namespace dynslam::runtime
 #include <toml++/toml.h>
+#pragma pop_macro("NDEBUG")
 
 #include <cmath>
 #include <concepts>
