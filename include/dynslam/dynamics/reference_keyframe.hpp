@@ -40,9 +40,9 @@ struct ReferenceOptions {
   double at_rest_px = 1.0;    ///< from where the pose expects it: found there, it needs no search
   double confirmed_px = 1.0;  ///< between what the search found and its patch: one and the same
   double border_px = 8.0;     ///< nearer to the image's border a patch is cut off
-  double min_in_view = 0.8;   ///< share of its keypoints; with fewer in view it is worn: what has come
+  double min_in_view = 0.8;   ///< share of its keypoints; with fewer in view it is stale: what has come
                               ///< into view since it knows nothing of
-  double min_found = 0.3;     ///< share of its keypoints; with fewer found again it is worn
+  double min_found = 0.3;     ///< share of its keypoints; with fewer found again it is stale
   int pause = 3;              ///< frames after which a keypoint that was not to be found is searched again
   PatchMatchOptions match;
   PatchSearchOptions search;
