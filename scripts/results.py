@@ -14,6 +14,7 @@ import subprocess
 import sys
 
 import sequences as sq
+import worth as parts
 from sequences import call, median_of, text, worst_of
 
 MODES = ["none", "semantic", "geometric", "both"]
@@ -179,6 +180,16 @@ def rendered_masks():
             rows.append([name, f"`{mode}`", *share,
                          text(median_of(of, "spill"), 2, 100) + " %", text(sq.worst_of(of, "spill_worst"), 1, 100) + " %"])
     return table(["sequence", "mode", "recall", "IoU", "spill", "worst frame"], rows)
+
+
+def worth():
+    """The whole method with one part left out, on every sequence at hand (recorded, composed, rendered; none of the last
+    two was tuned on), seeds 1 to 3: geometric mean over the sequences of the ATE through the whole method's, median of the
+    seeds and each of them (first line: the spread between seeds), frames lost, and means of the masks' recall, IoU and
+    spill [% of a frame].
+
+    scripts/worth.sh --modes geometric"""
+    return parts.table(parts.sequences(), list(parts.PARTS), [1, 2, 3], ["geometric"])
 
 
 def demo():
@@ -367,7 +378,7 @@ def compiling():
 
 SECTIONS = {"Trajectories": trajectories, "Masks": masks, "The paper's method": paper, "Composed sequences": composed,
             "Rendered sequences": rendered, "Masks of rendered sequences": rendered_masks,
-            "The demo": demo, "Loops": loops, "Readout measured": readout,
+            "What each part is worth": worth, "The demo": demo, "Loops": loops, "Readout measured": readout,
             "Readout times": readout_times, "Sizes and rates": rates, "Wrong masks": faults, "Networks": networks,
             "Guests": guests, "Speed": speed, "Live": live, "Compiling": compiling}
 

@@ -72,25 +72,12 @@ def spread(base, seeds):
     return statistics.stdev(means) / statistics.fmean(means) if len(means) > 1 else 0.0
 
 
-def main():
-    parser = argparse.ArgumentParser(prog="worth.sh", description="What each part of the method is worth")
-    parser.add_argument("parts", nargs="*", help=f"all without any: {', '.join(PARTS)}")
-    parser.add_argument("--only", default="", help="sequences whose name contains this")
-    parser.add_argument("--seeds", default="1,2,3")
-    parser.add_argument("--modes", default="geometric,both")
-    arguments = parser.parse_args()
-    for name in arguments.parts:
-        if name not in PARTS:
-            parser.error(f"no part '{name}'")
-    parts = arguments.parts or list(PARTS)
-    seeds = [int(seed) for seed in arguments.seeds.split(",")]
-    modes = arguments.modes.split(",")
+def table(chosen, parts, seeds, modes):
+    """One line per part left out: the geometric mean over the sequences of its ATE through the whole method's, the median
+    of the seeds and each of them (of the whole method: the spread), frames lost, and what the masks are like."""
     # Fields of the configuration that are set to nothing else than what leaves the part out.
     variants = {"whole": {"config": sq.config("masks")},
                 **{part: {"config": sq.config(part, PARTS[part])} for part in parts}}
-    chosen = [s for s in sequences() if arguments.only in s.name]
-    if not chosen:
-        parser.error(f"no sequence's name contains '{arguments.only}'")
     found = {}
     for sequence in chosen:
         print(f"worth: {sequence.name}", file=sys.stderr, flush=True)
@@ -113,6 +100,24 @@ def main():
                 "nothing" if variant == "whole" else variant, f"`{mode}`", f"{statistics.median(by_seed):.3f}",
                 f"± {spread(base, seeds):.3f}" if variant == "whole" else " ".join(f"{r:.3f}" for r in by_seed),
                 str(lost), *numbers]) + " |")
+    return lines
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="worth.sh", description="What each part of the method is worth")
+    parser.add_argument("parts", nargs="*", help=f"all without any: {', '.join(PARTS)}")
+    parser.add_argument("--only", default="", help="sequences whose name contains this")
+    parser.add_argument("--seeds", default="1,2,3")
+    parser.add_argument("--modes", default="geometric,both")
+    arguments = parser.parse_args()
+    for name in arguments.parts:
+        if name not in PARTS:
+            parser.error(f"no part '{name}'")
+    chosen = [s for s in sequences() if arguments.only in s.name]
+    if not chosen:
+        parser.error(f"no sequence's name contains '{arguments.only}'")
+    lines = table(chosen, arguments.parts or list(PARTS), [int(seed) for seed in arguments.seeds.split(",")],
+                  arguments.modes.split(","))
     page = sq.WORK / "worth.md"
     page.write_text("\n".join(lines) + "\n", encoding="utf-8")
     print("\n".join(lines))
