@@ -42,6 +42,14 @@ cv::Mat noise(int width, int height) {
 
 }  // namespace
 
+TEST_CASE("depth among the colour images is refused, not taken for a dark picture") {
+  const test::TemporaryFolder folder;
+  const auto path = folder.path / "depth.png";
+  write_image(path, cv::Mat(4, 5, CV_16UC1, cv::Scalar(5000)));
+  CHECK(mentions(error_of([&] { (void)read_image(path, cv::IMREAD_COLOR); }), "has one channel of 16 bits"));
+  CHECK(read_image(path, cv::IMREAD_UNCHANGED).at<std::uint16_t>(0, 0) == 5000);
+}
+
 TEST_CASE("a JPEG that is damaged in the middle is refused though its end marker stands") {
   const test::TemporaryFolder folder;
   const fs::path path = folder.path / "a.jpg";

@@ -161,7 +161,8 @@ TEST_CASE("depth images are paired by when they were taken: the camera says how 
 
 TEST_CASE("broken sequences are refused with the file") {
   const test::TumFixture tum(3);
-  CHECK(mentions(error_of([&] { (void)load_sequence(tum.path / "absent"); }), "is not a folder"));
+  CHECK(mentions(error_of([&] { (void)load_sequence(tum.path / "absent"); }), "does not exist"));
+  CHECK(mentions(error_of([&] { (void)load_sequence(tum.path / "rgb.txt" / "no"); }), "does not exist"));
   SUBCASE("missing list") {
     fs::remove(tum.path / "depth.txt");
     CHECK(mentions(error_of([&] { (void)load_sequence(tum.path); }), "depth.txt: cannot be opened"));
@@ -316,5 +317,5 @@ TEST_CASE("mask figures by hand; missing predictions count as empty") {
   CHECK(mentions(error_of([&] { (void)evaluate_masks(empty.path, truth.path); }), "has no mask in common"));
   CHECK(mentions(error_of([&] { (void)evaluate_masks(predicted.path, empty.path); }), "holds no PNG masks"));
   CHECK(mentions(error_of([&] { (void)evaluate_masks(predicted.path / "absent", truth.path); }),
-                 "is not a folder"));
+                 "does not exist"));
 }

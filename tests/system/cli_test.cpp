@@ -67,8 +67,13 @@ TEST_CASE("errors are one line on stderr with a non-zero code") {
   const std::string path = tum.path.string();
   check_one_line_error("", 2, "subcommand");
   check_one_line_error("run " + path + " --out " + path + "/o --dynamics magic", 2, "magic");
-  check_one_line_error("run " + path + "/absent --out " + path + "/o --dynamics none", 1, "is not a folder");
+  check_one_line_error("run " + path + "/absent --out " + path + "/o --dynamics none", 1, "does not exist");
   check_one_line_error("run " + path + " --out " + path + "/o --dynamics both", 2, "--masks");
+  check_one_line_error("run " + path + " --out " + path + "/o --min-score 0.5", 2,
+                       "--min-score is of a network");
+  check_one_line_error("run " + path + " --out " + path + "/o --mask-labels voc", 2, "give --masks DIR");
+  check_one_line_error("run " + path + " --out " + path + "/o --live-speed 2", 2, "the pace of --live");
+  check_one_line_error("run " + path + " --model m.onnx --segment-every 0", 2, "nor auto");
   check_one_line_error("run " + path + " --out " + path + "/o --model " + path + "/absent.onnx", 1,
                        "absent.onnx: is not a file");
   check_one_line_error("run " + path + " --out " + path + "/o --model " + path + "/camera.txt", 1,
@@ -85,7 +90,7 @@ TEST_CASE("errors are one line on stderr with a non-zero code") {
                        "rgb.txt:1: expected 8 columns");
   check_one_line_error("eval " + path + "/groundtruth.txt " + path + "/groundtruth.txt", 1,
                        "the positions of ");
-  check_one_line_error("eval-masks " + path + " " + path + "/absent", 1, "is not a folder");
+  check_one_line_error("eval-masks " + path + " " + path + "/absent", 1, "does not exist");
   check_one_line_error("eval-masks " + path, 1, "holds no PNG masks");
   check_one_line_error("mask-faults " + path + " " + path + "/f --fault upside-down", 2, "upside-down");
   check_one_line_error("synth " + path + "/s --scenario party", 2, "unknown scenario 'party'");

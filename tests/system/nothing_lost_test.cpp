@@ -14,8 +14,11 @@
 #include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/trajectory_io.hpp"
 #include "dynslam/runtime/slam/saved_map.hpp"
+#include "error_text.hpp"
 #include "io/space_reserve.hpp"
 #include "office.hpp"
+#include "program.hpp"
+#include "tum_fixture.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
@@ -133,6 +136,41 @@ TEST_CASE("results inside the folder of the saved map are refused before the run
   o.out = copy.path;  // around it is well
   o.save_map = copy.path / "map2";
   CHECK(run_sequence(o, kNeverStop).tracked == 2);
+}
+
+TEST_CASE("masks never take the place of what they are made from") {
+  const test::TumFixture tum(2);
+  const std::string path = tum.path.string();
+  const std::string before = bytes(tum.path / "rgb" / "1.000000.png");
+  const auto refuse = [&](const std::string& command) {
+    test::check_one_line_error(command, 2, "holds images of the sequence");
+    CHECK(bytes(tum.path / "rgb" / "1.000000.png") == before);
+  };
+  refuse("masks " + path + " --camera fr1 --out " + path + "/rgb");
+  refuse("mask-faults " + path + " " + path + "/rgb/. --camera fr1 --fault blobs");
+  for (const char* folder : {"out", "masks"}) fs::create_directories(tum.path / folder);
+  fs::create_directory_symlink(tum.path / "masks", tum.path / "out" / "masks");
+  test::check_one_line_error(
+      "run " + path + " --masks " + path + "/masks --save-masks --out " + path + "/out", 2,
+      "would replace the masks");
+  test::write_file(tum.path / "s.toml", "sequences = [\".\"]\nmodes = [\"none\"]\n");
+  test::check_one_line_error("sweep " + path + "/s.toml --jobs-to " + path + "/s.toml", 2,
+                             "names the sweep itself");
+  CHECK(bytes(tum.path / "s.toml").starts_with("sequences"));
+}
+
+TEST_CASE("what an earlier run left and this one does not replace is said") {
+  const test::WalkingSequence sequence(4);
+  const test::TemporaryFolder out;
+  RunOptions o = test::options_for(sequence.path, out.path, DynamicsMode::geometric);
+  o.save_masks = o.map = true;
+  CHECK(run_sequence(o, kNeverStop).warnings.empty());
+  CHECK(run_sequence(o, kNeverStop).warnings.empty());
+  o.max_frames = 3;
+  o.map = false;
+  const auto warnings = run_sequence(o, kNeverStop).warnings;
+  REQUIRE(warnings.size() == 1);
+  CHECK(test::mentions(warnings[0], "still holds map.sot and 1 masks of an earlier run"));
 }
 
 TEST_CASE("trajectory and summary are written as the run goes, each whole") {

@@ -185,6 +185,9 @@ TEST_CASE("a job that fails is told, does not stop the others, and is run again"
   CHECK(unknown.code == 1);
   CHECK(test::mentions(unknown.out, "fetures"));
   CHECK(unknown.out.find("to run") == std::string::npos);
+  CHECK(test::mentions(unknown.out, "`run` has no option '--fetures'"));
+  test::write_file(small.file, "sequences = [\"office\"]\nmodes = [\"semantic\"]\n");
+  test::check_one_line_error("sweep " + small.file.string(), 1, "office/semantic: --dynamics semantic needs");
   small.write("");
   const ProgramResult other = small.sweep("--only office/both");
   CHECK(other.code == 2);

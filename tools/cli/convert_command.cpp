@@ -37,7 +37,7 @@ ConvertCommand::ConvertCommand(CLI::App& app) : o_(std::make_unique<Options>()) 
       ->check(whole());
   o.command->add_option("--every", o.every, "Take one of so many frames")
       ->capture_default_str()
-      ->check(whole());
+      ->check(whole_in(1, 1000000));
   o.command->add_option("--size", o.size, "Scale the images, and the camera with them (default: as they are)")
       ->type_name("WxH")
       ->check(image_size());

@@ -58,6 +58,7 @@ struct MasksCommand::Options {
   rt::SlamOptions slam;
 
   [[nodiscard]] rt::SlamOptions slam_options() const;
+  void make_out(const rt::Sequence& frames) const;
   void write(Count& count, const std::string& stamp, const rt::TrackResult& result) const;
   void of_sequence(Count& count) const;
   void of_pipe(Count& count) const;
@@ -96,6 +97,15 @@ rt::SlamOptions MasksCommand::Options::slam_options() const {
   return options;
 }
 
+/// The folder of the masks, once what they are of is known.
+void MasksCommand::Options::make_out(const rt::Sequence& frames) const {
+  if (out.empty()) return;
+  rt::check_no_input(frames, out);
+  std::error_code error;
+  std::filesystem::create_directories(out, error);
+  if (error) throw rt::InputError(out.string(), 0, "cannot be made: " + error.message());
+}
+
 void MasksCommand::Options::write(Count& count, const std::string& stamp,
                                   const rt::TrackResult& result) const {
   ++count.frames;
@@ -116,6 +126,7 @@ void MasksCommand::Options::of_sequence(Count& count) const {
   const rt::CameraConfig config = rt::camera_of(frames, camera);
   const rt::SlamOptions options = slam_options();
   rt::Slam system(config, options);
+  make_out(frames);
   rt::FramePreparation prepare(options.tracker);
   rt::FrameStream stream(frames, config, {.prepare = std::ref(prepare)});
   ProgressLine line;
@@ -135,6 +146,7 @@ void MasksCommand::Options::of_pipe(Count& count) const {
     throw rt::UsageError("the camera of frames from the standard input is its second line");
   rt::FramePipe pipe(std::cin, "standard input");
   rt::Slam system(pipe.camera(), slam_options());
+  make_out({});
   std::optional<rt::MaskPipe> masks;
   if (out.empty()) masks.emplace(stdout);
   while (const auto frame = pipe.next()) {
@@ -153,9 +165,6 @@ void MasksCommand::Options::of_pipe(Count& count) const {
 
 int MasksCommand::run() const {
   const Options& o = *o_;
-  std::error_code error;
-  if (!o.out.empty()) std::filesystem::create_directories(o.out, error);
-  if (error) throw rt::InputError(o.out.string(), 0, "cannot be made: " + error.message());
   Count count;
   if (o.sequence == "-") {
     o.of_pipe(count);

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <cstddef>
@@ -26,6 +25,7 @@
 #include "format_options.hpp"
 #include "progress_line.hpp"
 #include "report_command.hpp"
+#include "run_lines.hpp"
 #include "segmentation_options.hpp"
 #include "validators.hpp"
 #include "view_window.hpp"
@@ -132,21 +132,6 @@ std::string sequence_name(const std::filesystem::path& sequence) {
   return (folder ? full.filename() : full.stem()).string();
 }
 
-/// One line on stderr for all frames without a pose; summary.json lists every one.
-void report_problems(const rt::RunSummary& s, const std::filesystem::path& out,
-                     const std::string& prefix = {}) {
-  if (s.problems.empty()) return;
-  constexpr std::size_t kShown = 2;
-  std::string text = fmt::format("dynslam: warning: {}{} broken and {} lost of {} frames: ", prefix, s.broken,
-                                 s.lost, s.frames);
-  for (std::size_t i = 0; i < std::min(kShown, s.problems.size()); ++i)
-    text += (i > 0 ? "; " : "") + s.problems[i];
-  if (s.problems.size() > kShown) {
-    text += fmt::format("; and {} more, see {}", s.problems.size() - kShown, (out / "summary.json").string());
-  }
-  std::cerr << text << '\n';
-}
-
 int interrupted() {
   std::cerr << "dynslam: interrupted; what was computed is saved\n";
   return kInterrupted;
@@ -172,52 +157,6 @@ std::string accuracy(const rt::RunOptions& options, const Truth& truth, const rt
   } catch (const rt::InputError& error) {
     return fmt::format("no ATE and RPE: {}\n", error.what());
   }
-}
-
-/// Maps that were begun after a loss and have stayed beside.
-std::string separate_report(const rt::RunSummary& summary) {
-  std::string text;
-  for (const rt::SeparateTrajectory& map : summary.separate) {
-    text += fmt::format(
-        "{} of the lost frames have poses in a map of their own, whose place was never recognised: "
-        "trajectory_map{}.txt\n",
-        map.poses.size(), map.map);
-  }
-  return text;
-}
-
-/// What gave the a-priori masks, and whether it marked anything.
-std::string mask_report(const rt::RunOptions& options, const rt::RunSummary& summary) {
-  std::string text;
-  const bool files = !options.masks.empty();
-  if (!summary.masks_from.empty() && (files || options.verbose))
-    text = fmt::format("{}: {}\n", files ? "masks" : "network", summary.masks_from);
-  if (rt::uses_semantic(options.dynamics) && !summary.live && summary.masked == 0 && summary.tracked > 0)
-    text += fmt::format("no a-priori mask marks anything dynamic in any of {} frames\n", summary.frames);
-  return text;
-}
-
-/// What the map may show that is not of the static scene: only a network or masks know people who keep still.
-std::string map_report(const rt::RunOptions& options, const rt::RunSummary& summary) {
-  if (summary.nothing_mapped)
-    return "map: no voxel is occupied: no keyframe has depth in range outside of the masks\n";
-  if (!options.map || rt::uses_semantic(options.dynamics)) return {};
-  return options.dynamics == rt::DynamicsMode::none
-             ? "map: nothing is masked (--dynamics none), so people and things are part of it, whether they "
-               "move or not\n"
-             : "map: without a network (--model) or masks, people and things that never move during the run "
-               "are part of it\n";
-}
-
-/// What a live run dropped, and how late the rest was.
-std::string live_report(const rt::RunSummary& summary) {
-  if (!summary.live) return {};
-  const rt::LiveStatistics& s = *summary.live;
-  return fmt::format(
-      "live: {} of {} frames dropped; latency median {:.1f}, 95 % {:.1f}, max {:.1f} ms. What is dropped "
-      "depends "
-      "on the machine: another run has other results\n",
-      s.dropped, s.pushed, 1000 * s.latency_median, 1000 * s.latency_p95, 1000 * s.latency_max);
 }
 
 /// A window on a run.
@@ -306,6 +245,8 @@ struct RunCommand::Options {
   rt::RunOptions run;
   std::optional<rt::DynamicsMode> dynamics;  // empty: by what there is
   bool view = false;
+  /// With what was not said chosen.
+  [[nodiscard]] rt::RunOptions complete() const;
 };
 
 RunCommand::RunCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
@@ -347,13 +288,26 @@ void RunCommand::finish_options() const {
   }
 }
 
-int RunCommand::run() const {
-  rt::RunOptions options = o_->run;
+rt::RunOptions RunCommand::Options::complete() const {
+  rt::RunOptions options = run;
   if (options.out.empty()) options.out = std::filesystem::path("results") / sequence_name(options.sequence);
-  if (o_->dynamics) {
-    options.dynamics = *o_->dynamics;
-  } else if (options.masks.empty() && options.segmentation.segmenter.model.empty()) {
-    options.dynamics = rt::DynamicsMode::geometric;
+  const bool no_prior = options.masks.empty() && options.segmentation.segmenter.model.empty();
+  options.dynamics = dynamics.value_or(no_prior ? rt::DynamicsMode::geometric : options.dynamics);
+  return options;
+}
+
+void RunCommand::check() const {
+  const rt::RunOptions options = o_->complete();
+  check_used(*o_->command, options);
+  if (o_->command->count("--live-speed") > 0 && options.schedule != rt::Schedule::live)
+    throw rt::UsageError("--live-speed is the pace of --live: give that, too");
+  rt::check_request(options);
+}
+
+int RunCommand::run() const {
+  check();
+  const rt::RunOptions options = o_->complete();
+  if (!o_->dynamics && options.dynamics == rt::DynamicsMode::geometric) {
     std::cout
         << "no --model and no --masks: what moves is found by its geometry alone (--dynamics geometric)\n"
         << std::flush;
@@ -388,6 +342,7 @@ int AblateCommand::run() const {
     options.out = std::filesystem::path("results") / sequence_name(options.sequence);
     options.out += "-ablation";
   }
+  check_used(*o_->command, options);
   return ablate_sequence(options);
 }
 

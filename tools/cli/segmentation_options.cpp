@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "segmentation_options.hpp"
 
+#include <fmt/format.h>
+
 #include <string>
 
+#include "dynslam/runtime/error.hpp"
 #include "validators.hpp"
 
 namespace dynslam::app {
@@ -50,7 +53,7 @@ void add_segmentation_options(CLI::App& app, rt::SegmentationStageOptions& s) {
          "The network sees every so many frames, or (auto) ten a second; masks are carried between them")
       ->default_str("1")
       ->type_name("N|auto")
-      ->check(CLI::IsMember({"auto"}) | whole_in(1, 1000));
+      ->check(auto_or(whole_in(1, 1000)));
   app.add_option_function<std::string>(
          "--segment", [&s](const std::string& how) { s.async = how == "async"; },
          "sync: before each frame is tracked; async: ahead, on a thread of its own (same results)")
@@ -70,6 +73,22 @@ void add_mask_options(CLI::App& app, rt::RunOptions& o) {
          "What their values mean: 15=person,9=chair, or one of voc, coco, cityscapes, instances, binary "
          "(default: by looking at them)")
       ->delimiter(',');
+}
+
+void check_used(const CLI::App& app, const rt::RunOptions& o) {
+  const auto given = [&](const char* name) { return app.count(name) > 0; };
+  const bool model = !o.segmentation.segmenter.model.empty();
+  for (const char* name : {"--engine", "--model-kind", "--model-output", "--model-output-name", "--min-score",
+                           "--network-threads", "--segment-every", "--segment", "--cache-masks"}) {
+    if (!model && given(name))
+      throw rt::UsageError(fmt::format("{} is of a network: give --model FILE.onnx, too", name));
+  }
+  for (const char* name : {"--dynamic-classes", "--map-classes", "--keep-masks"}) {
+    if (!model && o.masks.empty() && given(name))
+      throw rt::UsageError(fmt::format("{} is of a network or of masks: give --model or --masks, too", name));
+  }
+  if (o.masks.empty() && given("--mask-labels"))
+    throw rt::UsageError("--mask-labels says what --masks holds: give --masks DIR, too");
 }
 
 }  // namespace dynslam::app

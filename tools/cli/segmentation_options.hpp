@@ -10,5 +10,7 @@ namespace dynslam::app {
 
 void add_segmentation_options(CLI::App& app, runtime::SegmentationStageOptions& options);
 void add_mask_options(CLI::App& app, runtime::RunOptions& options);
+/// @throws UsageError  an option of both on the command line that nothing would use
+void check_used(const CLI::App& app, const runtime::RunOptions& options);
 
 }  // namespace dynslam::app

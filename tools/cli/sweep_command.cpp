@@ -38,7 +38,19 @@ void check_options(const rt::SweepJob& job, const fs::path& file) {
     app.parse(arguments(static_cast<int>(words.size()), words.data()));
   } catch (const CLI::FileError&) {
     throw rt::InputError(file.string(), 0, job.name + ": the file of config cannot be opened");
+  } catch (const CLI::ExtrasError&) {
+    const auto unknown = app.remaining(true);  // the option's value before its name
+    const auto name =
+        std::ranges::find_if(unknown, [](const std::string& word) { return word.starts_with("--"); });
+    throw rt::InputError(file.string(), 0,
+                         fmt::format("{}: `run` has no option '{}'", job.name,
+                                     name == unknown.end() ? unknown.front() : *name));
   } catch (const CLI::ParseError& error) {
+    throw rt::InputError(file.string(), 0, fmt::format("{}: {}", job.name, error.what()));
+  }
+  try {
+    run.check();
+  } catch (const std::exception& error) {
     throw rt::InputError(file.string(), 0, fmt::format("{}: {}", job.name, error.what()));
   }
 }
@@ -146,6 +158,8 @@ int SweepCommand::Options::run() const {
   place.program = program_and_commit();
   place.executable = fs::read_symlink("/proc/self/exe").string();
   const fs::path named = fs::absolute(file);
+  std::error_code none;
+  if (fs::equivalent(list, named, none)) throw rt::UsageError("--jobs-to names the sweep itself");
   fs::current_path(sweep.folder);  // where relative paths of the file begin, here and in the jobs
   for (const rt::SweepJob& job : sweep.jobs) check_options(job, named);
   if (!only.empty()) return run_only(sweep, place);
@@ -163,6 +177,7 @@ int SweepCommand::Options::run() const {
   }
   JobOutcome outcome;
   if (!gather) {
+    fs::create_directories(place.out);
     std::cout << fmt::format("{} jobs, {} done, {} to run\n", sweep.jobs.size(), done, open.size())
               << std::flush;
     std::size_t ended = 0;

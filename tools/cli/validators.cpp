@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <utility>
 
 #include "dynslam/runtime/io/text_lines.hpp"
 
@@ -58,6 +59,15 @@ CLI::Validator whole_in(int low, int high) {
             return good && value >= low && value <= high
                        ? std::string()
                        : fmt::format("'{}' is not a whole number from {} to {}", text, low, high);
+          },
+          ""};
+}
+
+CLI::Validator auto_or(CLI::Validator other) {
+  return {[other = std::move(other)](std::string& text) {
+            if (text == "auto") return std::string();
+            const std::string wrong = other(text);
+            return wrong.empty() ? wrong : wrong + ", nor auto";
           },
           ""};
 }

@@ -17,6 +17,8 @@ namespace dynslam::app {
 [[nodiscard]] CLI::Validator whole();
 /// A whole number within [low, high].
 [[nodiscard]] CLI::Validator whole_in(int low, int high);
+/// `auto`, or what another one accepts.
+[[nodiscard]] CLI::Validator auto_or(CLI::Validator other);
 /// Two whole numbers from 1 to 99999 with an x between, as in 848x480.
 [[nodiscard]] CLI::Validator image_size();
 /// What image_size() has accepted. @return width and height

@@ -99,6 +99,8 @@ std::vector<std::array<std::uint8_t, 3>> EncodedImage::palette() const {
 
 cv::Mat EncodedImage::decode(int flags) const {
   const Bytes bytes = bytes_of(content_);
+  if (flags == cv::IMREAD_COLOR && png_ && png_->bits == 16 && png_->channels == 1)
+    throw InputError(path_.string(), 0, "has one channel of 16 bits, as depth has: colour has 8 bits");
   cv::Mat image;
   if (depth_ && depth_->kind == DepthFileKind::npy) return decode_npy(bytes, *depth_);
   if (png_ && png_->plain && wanted_as_stored(*png_, flags)) {

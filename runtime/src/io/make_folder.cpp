@@ -29,6 +29,11 @@ FileHandle lock_folder(const fs::path& path) {
   return folder;
 }
 
+std::string no_folder(const fs::path& path) {
+  std::error_code error;
+  return fs::exists(path, error) ? "is not a folder" : "does not exist";
+}
+
 bool lies_in(const fs::path& inner, const fs::path& outer) {
   const auto clean = [](const fs::path& path) {
     const fs::path full = fs::weakly_canonical(fs::absolute(path));

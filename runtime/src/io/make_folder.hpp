@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "io/file_handle.hpp"
 
@@ -13,6 +14,9 @@ void make_folder(const std::filesystem::path& path);
 /// Makes a folder this process' own as long as the handle lives. No file is left there; where the file system
 /// knows no locks it is nobody's. @throws InputError where another process has it
 [[nodiscard]] FileHandle lock_folder(const std::filesystem::path& path);
+
+/// What is wrong with a path that is no folder.
+[[nodiscard]] std::string no_folder(const std::filesystem::path& path);
 
 /// Whether a folder is another one or in it; of two folders that need not exist, links followed.
 [[nodiscard]] bool lies_in(const std::filesystem::path& inner, const std::filesystem::path& outer);

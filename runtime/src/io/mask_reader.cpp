@@ -7,6 +7,7 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/image_io.hpp"
+#include "io/make_folder.hpp"
 #include "io/mask_image.hpp"
 #include "io/mask_rule.hpp"
 
@@ -14,8 +15,7 @@ namespace dynslam::runtime {
 
 MaskSource::MaskSource(std::filesystem::path folder, MaskOptions options)
     : folder_(std::move(folder)), options_(std::move(options)) {
-  if (!std::filesystem::is_directory(folder_))
-    throw InputError(folder_.string(), 0, "is not a folder of masks");
+  if (!std::filesystem::is_directory(folder_)) throw InputError(folder_.string(), 0, no_folder(folder_));
   if (std::filesystem::is_directory(folder_ / "label")) folder_ /= "label";
   (void)mask_class_names(options_);  // before hours are spent
 }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <set>
 #include <sstream>
 #include <system_error>
 
@@ -13,6 +14,7 @@
 #include "dynslam/runtime/io/text_lines.hpp"
 #include "io/camera_facts.hpp"
 #include "io/formats/format.hpp"
+#include "io/make_folder.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -94,9 +96,12 @@ const Format& format_of(const fs::path& root, const std::string& name) {
     for (const Format* recording : kRecordings) {
       if (recording->matches(root)) return *recording;
     }
-    throw InputError(root.string(), 0, "is neither a folder nor a recording of ROS (.bag, .mcap, .db3)");
+    throw InputError(root.string(), 0,
+                     fs::is_regular_file(root) && fs::file_size(root) == 0
+                         ? "is empty"
+                         : "is neither a folder nor a recording of ROS (.bag, .mcap, .db3)");
   }
-  if (!folder) throw InputError(root.string(), 0, "is not a folder");
+  if (!folder) throw InputError(root.string(), 0, no_folder(root));
   return name.empty() ? format_by_looking(root) : format_by_name(name);
 }
 
@@ -134,6 +139,21 @@ Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
   if (options.max_frames > 0 && sequence.frames.size() > options.max_frames)
     sequence.frames.resize(options.max_frames);
   return sequence;
+}
+
+void check_no_input(const Sequence& sequence, const fs::path& folder) {
+  std::set<fs::path> inputs{sequence.root / "dynamic_mask"};
+  for (const FrameRecord& frame : sequence.frames) {
+    if (frame.source) continue;
+    inputs.insert(fs::path(frame.rgb).parent_path());
+    inputs.insert(fs::path(frame.depth).parent_path());
+  }
+  std::error_code error;
+  for (const fs::path& input : inputs) {
+    if (fs::equivalent(input, folder, error))
+      throw UsageError(folder.string() +
+                       " holds images of the sequence: name another folder for the results");
+  }
 }
 
 CameraConfig camera_of(const Sequence& sequence, const std::string& name_or_file) {

@@ -108,7 +108,7 @@ TEST_CASE("masks that cannot be read are named; missing ones are counted") {
   CHECK(cv::countNonZero(source.read("1", 64, 48)->dynamic) == 2 * kBoxPixels);
   CHECK_FALSE(source.read("absent", 64, 48));
   CHECK(source.missing() == 1);
-  CHECK(mentions(error_of([&] { MaskSource absent(folder.path / "absent"); }), "is not a folder"));
+  CHECK(mentions(error_of([&] { MaskSource absent(folder.path / "absent"); }), "does not exist"));
 }
 
 TEST_CASE("the map has a label for four classes beside its own, and keeps those that it had") {

@@ -53,10 +53,12 @@ class MaskFaults {
         sequence_(load_sequence(options.sequence, reading(options))),
         camera_(camera_of(sequence_, options.camera)),
         random_(options.seed) {
+    check_no_input(sequence_, options.out);
     if (sequence_.groundtruth.empty())
       throw InputError(options.sequence.string(), 0, "has no ground truth to place an object by");
     truth_ = options.sequence / "dynamic_mask";
     object_ = find_object();
+    make_folder(options.out);
   }
 
   void write(const std::function<void(std::size_t, std::size_t)>& progress) {
@@ -226,7 +228,6 @@ std::optional<MaskFault> parse_mask_fault(std::string_view name) {
 
 void write_mask_faults(const MaskFaultOptions& options,
                        const std::function<void(std::size_t, std::size_t)>& progress) {
-  make_folder(options.out);
   MaskFaults(options).write(progress);
 }
 

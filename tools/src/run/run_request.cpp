@@ -29,6 +29,12 @@ void check_request(const RunOptions& options) {
   }
   if (uses_network(options) && !options.masks.empty())
     throw UsageError("--model and --masks exclude each other");
+  if (options.schedule == Schedule::live && uses_network(options) && !options.segmentation.keep)
+    throw UsageError("--live carries the network's masks to later frames, which --keep-masks false forbids");
+  std::error_code error;
+  if (options.save_masks && std::filesystem::equivalent(options.out / "masks", options.masks, error))
+    throw UsageError(fmt::format("--save-masks would replace the masks of --masks {}: name another --out",
+                                 options.masks.string()));
   if (!options.save_map.empty() && lies_in(options.out, options.save_map))
     throw UsageError(fmt::format("--out {} lies in the folder of --save-map, which is replaced as a whole",
                                  options.out.string()));
@@ -73,6 +79,16 @@ void check_masks_are_there(const RunOptions& options, const Sequence& sequence) 
                   "holds {}",
                   sequence.frames.front().stamp,
                   names.empty() ? "nothing" : names.front() + (names.size() > 1 ? " and the like" : "")));
+}
+
+SequenceOptions sequence_options(const RunOptions& options) {
+  SequenceOptions result;
+  result.max_frames = options.max_frames;
+  result.format = options.format;
+  result.topics = options.topics;
+  result.rate = options.rate;
+  result.camera = options.camera;
+  return result;
 }
 
 SlamOptions slam_options(const RunOptions& options) {

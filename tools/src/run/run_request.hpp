@@ -8,9 +8,6 @@
 namespace dynslam::runtime {
 
 [[nodiscard]] bool uses_network(const RunOptions& options);
-/// @throws UsageError  options that contradict each other; InputError  an octree that would be copied is
-/// damaged
-void check_request(const RunOptions& options);
 /// How its mask files are read.
 [[nodiscard]] MaskOptions mask_options(const RunOptions& options);
 /// Names of the labels of its map: those of the map that it goes on in, then its own.

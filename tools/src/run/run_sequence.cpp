@@ -111,6 +111,7 @@ class Run {
   std::optional<SpaceReserve> reserve_;
   std::optional<EvidenceLog> evidence_;
   std::size_t unlisted_ = 0;  // problems that are not in the summary
+  bool earlier_run_ = false;  // there was one in the folder of the results
   LostFrames lost_;           // those that are in it
   Stopwatch wall_, since_saved_;
   double elapsed_ms_ = 0, unsaved_ms_ = 0;
@@ -175,10 +176,11 @@ void Run::start_stages() {
 void Run::prepare_outputs() {
   make_folder(options_.out);
   lock_ = lock_folder(options_.out);
+  earlier_run_ = fs::exists(options_.out / "summary.json");
   write_file(options_.out / "config.toml", config_file(options_));
   write_summary();
-  for (int map = 2; fs::remove(separate_file(options_.out, map)); ++map) {  // of an earlier run
-  }
+  for (int map = 2; fs::remove(separate_file(options_.out, map)); ++map) {
+  }  // of an earlier run
   if (options_.save_masks) make_folder(options_.out / "masks");
   fs::remove(options_.out / "report.jsonl");  // of an earlier run
   if (options_.report)
@@ -327,6 +329,7 @@ void Run::save() {
   elapsed_ms_ += wall_.lap_ms();
   if (slam_->readout() && !stopped && !failure_)  // it takes seconds where there is something to be doubted
     attempt([&] { summary_.warnings = readout_doubts(*slam_->readout(), sequence_, camera_); });
+  if (earlier_run_) attempt([&] { note_leftovers(options_, summary_); });
   summary_.interrupted = stopped;
   summary_.stages = timings_.statistics();
   attempt([&] { write_summary(); });
@@ -373,16 +376,6 @@ RunSummary Run::summary() {
 }
 
 }  // namespace
-
-SequenceOptions sequence_options(const RunOptions& options) {
-  SequenceOptions result;
-  result.max_frames = options.max_frames;
-  result.format = options.format;
-  result.topics = options.topics;
-  result.rate = options.rate;
-  result.camera = options.camera;
-  return result;
-}
 
 RunSummary run_sequence(const RunOptions& options, const std::atomic<bool>& stop,
                         const std::function<void(const Progress&)>& progress,

@@ -6,10 +6,15 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cstddef>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/version.hpp>
+#include <string>
+#include <system_error>
+#include <vector>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/map_io.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -110,6 +115,24 @@ void refuse_without_poses(const RunOptions& options, const RunSummary& summary) 
                    summary.problems.empty()
                        ? "no frame could be tracked"
                        : "no frame could be tracked; first problem: " + summary.problems.front());
+}
+
+void note_leftovers(const RunOptions& options, RunSummary& summary) {
+  namespace fs = std::filesystem;
+  std::vector<std::string> names;
+  if (!options.map && fs::exists(options.out / kMapFile)) names.emplace_back(kMapFile);
+  const fs::path folder = options.out / "masks";
+  std::error_code error;
+  std::size_t masks = 0;
+  if (fs::is_directory(folder) && !fs::equivalent(folder, options.masks, error)) {
+    for (const auto& file : fs::directory_iterator(folder))
+      masks += file.path().extension() == ".png" ? 1 : 0;
+  }
+  const std::size_t own = options.save_masks ? summary.frames - summary.broken : 0;
+  if (masks > own) names.push_back(fmt::format("{} masks", masks - own));
+  if (!names.empty())
+    summary.warnings.push_back(
+        fmt::format("{} still holds {} of an earlier run", options.out.string(), fmt::join(names, " and ")));
 }
 
 void drop_found(const LostFrames& lost, RunSummary& summary) {

@@ -21,6 +21,9 @@ using LostFrames = std::vector<std::pair<double, std::size_t>>;
 /// Takes frames that have a pose in the trajectory after all out of the problems.
 void drop_found(const LostFrames& lost, RunSummary& summary);
 
+/// Warns of results of an earlier run that this one does not replace: they are the user's to remove.
+void note_leftovers(const RunOptions& options, RunSummary& summary);
+
 /// @throws InputError where more frames are broken than RunOptions::max_broken allows
 void check_broken(const RunOptions& options, const RunSummary& summary);
 /// @throws InputError with the reason why no frame has a pose

@@ -98,6 +98,10 @@ struct SequenceFormat {
 /// @throws UsageError  an unknown name of a format
 [[nodiscard]] Sequence load_sequence(const std::filesystem::path& root, const SequenceOptions& options = {});
 
+/// @throws UsageError where a folder for results holds images of the sequence, or its true masks, which they
+/// would replace
+void check_no_input(const Sequence& sequence, const std::filesystem::path& folder);
+
 /// The camera of a sequence, or the one named instead (see load_camera(); values that mean "no depth" are
 /// the format's where that camera names none).
 /// @throws UsageError where neither the sequence nor `name_or_file` says it, InputError for a bad file

@@ -60,6 +60,10 @@ struct RunSummary {
 /// How a run reads its sequence.
 [[nodiscard]] SequenceOptions sequence_options(const RunOptions& options);
 
+/// @throws UsageError  options that contradict each other; InputError  an octree that would be copied is
+/// damaged
+void check_request(const RunOptions& options);
+
 /// Runs a sequence and writes config.toml (see options_file.hpp) at once, then trajectory.txt,
 /// trajectory_live.txt (Slam::live_trajectory()), keyframes.txt, map.sot (and map_color.ot for octovis),
 /// timings.csv, summary.json and masks/ into `options.out`, and trajectory_map2.txt, ... of maps that were
