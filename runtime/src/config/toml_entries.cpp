@@ -2,7 +2,6 @@
 #include "config/toml_entries.hpp"
 
 #include <algorithm>
-#include <ranges>
 #include <sstream>
 #include <utility>
 
@@ -67,8 +66,16 @@ std::size_t asserting_line(std::string_view text) {
       return false;
     }
   };
-  const auto lines = std::views::iota(std::size_t{1}, static_cast<std::size_t>(std::ranges::count(text, '\n')) + 2);
-  return *std::ranges::partition_point(lines, passes);
+  auto first = std::size_t{1}, last = static_cast<std::size_t>(std::ranges::count(text, '\n')) + 1;
+  while (first < last) {
+    const std::size_t middle = first + (last - first) / 2;
+    if (passes(middle)) {
+      first = middle + 1;
+    } else {
+      last = middle;
+    }
+  }
+  return first;
 }
 
 toml::parse_result parse(const std::string& text, const std::string& file) {
