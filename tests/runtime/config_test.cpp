@@ -282,6 +282,8 @@ TEST_CASE("a value that is no TOML counts as text; a name in quotes is none of s
   CHECK(c.options.camera == "/a/b#c.txt");
   CHECK(c.dynamics == DynamicsMode::both);
   CHECK(mentions(error_of([&] { c.read("\"general.camera\" = 'fr1'\n"); }), "c.toml:1: "));
+  c.read("general.camera = \xC3\xA9t\xC3\xA9.txt\n");  // U+00E9, of which toml++ 3.3 asks whether it is a space
+  CHECK(c.options.camera == "\xC3\xA9t\xC3\xA9.txt");
   for (const char* table : {"[&]", "[[%b]]", "[\xC3\xA9t\xC3\xA9]"})  // an assertion of toml++ 3.3
     CHECK(mentions(error_of([&] { c.read(fmt::format("general.seed = 7\n\n{}\nseed = 8\n", table)); }),
                    "c.toml:3: expected a name"));
