@@ -104,7 +104,7 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
           },
           "Seconds to add to the estimate's times, or auto: found by how both turn and move")
       ->type_name("S|auto")
-      ->check(number_in(-1e12, 1e12) | CLI::IsMember({"auto"}));
+      ->check(auto_or(number_in(-1e12, 1e12)));
   o.trajectory->add_option(
       "--body-pose", o.evaluation.body_pose,
       "The camera's pose on the body that the ground truth is of: a file with the four rows "
@@ -125,8 +125,8 @@ EvaluateCommand::EvaluateCommand(CLI::App& app) : o_(std::make_unique<Options>()
       ->required()
       ->check(CLI::IsMember(
           std::vector<std::string>(runtime::kMaskFaultNames.begin(), runtime::kMaskFaultNames.end())));
-  add_camera_option(*o.faults, o.fault.camera);
-  add_format_options(*o.faults, o.fault.format, o.fault.topics, o.fault.rate);
+  add_camera_option(*o.faults, o.fault.reading.camera);
+  add_format_options(*o.faults, o.fault.reading.format, o.fault.reading.topics, o.fault.reading.rate);
   o.faults->add_option("--seed", o.fault.seed, "Of random blobs")->capture_default_str()->check(whole());
 }
 

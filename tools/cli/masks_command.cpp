@@ -51,8 +51,8 @@ std::string masks_line(Count& count, const std::string& where) {
 
 struct MasksCommand::Options {
   CLI::App* command = nullptr;
-  std::string sequence, camera, format, topics;
-  double rate = 30;
+  std::string sequence;
+  rt::SequenceOptions reading;
   std::filesystem::path out;
   rt::SegmentationStageOptions network;
   rt::SlamOptions slam;
@@ -73,8 +73,8 @@ MasksCommand::MasksCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
       ->required();
   o.command->add_option("--out,-o", o.out,
                         "Folder for the masks, <time stamp>.png (with -: in place of the standard output)");
-  add_camera_option(*o.command, o.camera);
-  add_format_options(*o.command, o.format, o.topics, o.rate);
+  add_camera_option(*o.command, o.reading.camera);
+  add_format_options(*o.command, o.reading.format, o.reading.topics, o.reading.rate);
   add_segmentation_options(*o.command, o.network);
   o.command->add_option("--seed", o.slam.seed, "Seed of every random choice")
       ->capture_default_str()
@@ -116,14 +116,9 @@ void MasksCommand::Options::write(Count& count, const std::string& stamp,
 
 void MasksCommand::Options::of_sequence(Count& count) const {
   if (out.empty()) throw rt::UsageError("masks of a sequence need --out, a folder");
-  rt::SequenceOptions reading;
-  reading.format = format;
-  reading.topics = topics;
-  reading.rate = rate;
-  reading.camera = camera;
   const rt::Sequence frames = rt::load_sequence(sequence, reading);
   warn(frames.notes);
-  const rt::CameraConfig config = rt::camera_of(frames, camera);
+  const rt::CameraConfig config = rt::camera_of(frames, reading.camera);
   const rt::SlamOptions options = slam_options();
   rt::Slam system(config, options);
   make_out(frames);
@@ -142,7 +137,7 @@ void MasksCommand::Options::of_sequence(Count& count) const {
 
 void MasksCommand::Options::of_pipe(Count& count) const {
   std::ios::sync_with_stdio(false);
-  if (!camera.empty())
+  if (!reading.camera.empty())
     throw rt::UsageError("the camera of frames from the standard input is its second line");
   rt::FramePipe pipe(std::cin, "standard input");
   rt::Slam system(pipe.camera(), slam_options());

@@ -245,7 +245,7 @@ struct RunCommand::Options {
   rt::RunOptions run;
   std::optional<rt::DynamicsMode> dynamics;  // empty: by what there is
   bool view = false;
-  /// With what was not said chosen.
+  /// With what was not said chosen. @throws UsageError  an option that nothing would use
   [[nodiscard]] rt::RunOptions complete() const;
 };
 
@@ -293,19 +293,17 @@ rt::RunOptions RunCommand::Options::complete() const {
   if (options.out.empty()) options.out = std::filesystem::path("results") / sequence_name(options.sequence);
   const bool no_prior = options.masks.empty() && options.segmentation.segmenter.model.empty();
   options.dynamics = dynamics.value_or(no_prior ? rt::DynamicsMode::geometric : options.dynamics);
+  check_used(*command, options);
+  if (command->count("--live-speed") > 0 && options.schedule != rt::Schedule::live)
+    throw rt::UsageError("--live-speed is the pace of --live: give that, too");
   return options;
 }
 
 void RunCommand::check() const {
-  const rt::RunOptions options = o_->complete();
-  check_used(*o_->command, options);
-  if (o_->command->count("--live-speed") > 0 && options.schedule != rt::Schedule::live)
-    throw rt::UsageError("--live-speed is the pace of --live: give that, too");
-  rt::check_request(options);
+  rt::check_request(o_->complete());
 }
 
 int RunCommand::run() const {
-  check();
   const rt::RunOptions options = o_->complete();
   if (!o_->dynamics && options.dynamics == rt::DynamicsMode::geometric) {
     std::cout

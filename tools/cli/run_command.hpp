@@ -18,7 +18,7 @@ class RunCommand {
   [[nodiscard]] runtime::ConfigFields fields() const;
   /// The options of `config`: those of a run without command line.
   void finish_options() const;
-  /// @throws UsageError, InputError  options that contradict each other, or that nothing would use
+  /// What a run would refuse before its first frame. @throws UsageError, InputError
   void check() const;
   /// @return exit code @throws InputError, UsageError
   [[nodiscard]] int run() const;

@@ -36,6 +36,7 @@ void check_options(const rt::SweepJob& job, const fs::path& file) {
   for (const std::string& word : job.arguments) words.push_back(word.c_str());
   try {
     app.parse(arguments(static_cast<int>(words.size()), words.data()));
+    run.check();
   } catch (const CLI::FileError&) {
     throw rt::InputError(file.string(), 0, job.name + ": the file of config cannot be opened");
   } catch (const CLI::ExtrasError&) {
@@ -45,11 +46,8 @@ void check_options(const rt::SweepJob& job, const fs::path& file) {
     throw rt::InputError(file.string(), 0,
                          fmt::format("{}: `run` has no option '{}'", job.name,
                                      name == unknown.end() ? unknown.front() : *name));
-  } catch (const CLI::ParseError& error) {
-    throw rt::InputError(file.string(), 0, fmt::format("{}: {}", job.name, error.what()));
-  }
-  try {
-    run.check();
+  } catch (const rt::InputError&) {
+    throw;  // it names a file of its own
   } catch (const std::exception& error) {
     throw rt::InputError(file.string(), 0, fmt::format("{}: {}", job.name, error.what()));
   }
@@ -175,9 +173,9 @@ int SweepCommand::Options::run() const {
                              list.string());
     return 0;
   }
+  fs::create_directories(place.out);
   JobOutcome outcome;
   if (!gather) {
-    fs::create_directories(place.out);
     std::cout << fmt::format("{} jobs, {} done, {} to run\n", sweep.jobs.size(), done, open.size())
               << std::flush;
     std::size_t ended = 0;
@@ -192,7 +190,6 @@ int SweepCommand::Options::run() const {
     }
   }
   const std::vector<rt::SweepRun> runs = rt::gather_sweep(sweep, place.out, place.program);
-  fs::create_directories(place.out);
   rt::write_file(place.out / "tables.md", rt::to_markdown(sweep, runs, place.program));
   rt::write_file(place.out / "tables.tex", rt::to_latex(sweep, runs, place.program));
   rt::write_file(place.out / "sweep.json", rt::to_json(sweep, runs, place.program).dump(2) + "\n");

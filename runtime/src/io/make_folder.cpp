@@ -29,9 +29,10 @@ FileHandle lock_folder(const fs::path& path) {
   return folder;
 }
 
-std::string no_folder(const fs::path& path) {
+void check_is_folder(const fs::path& path) {
+  if (fs::is_directory(path)) return;
   std::error_code error;
-  return fs::exists(path, error) ? "is not a folder" : "does not exist";
+  throw InputError(path.string(), 0, fs::exists(path, error) ? "is not a folder" : "does not exist");
 }
 
 bool lies_in(const fs::path& inner, const fs::path& outer) {

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <filesystem>
-#include <string>
 
 #include "io/file_handle.hpp"
 
@@ -15,8 +14,8 @@ void make_folder(const std::filesystem::path& path);
 /// knows no locks it is nobody's. @throws InputError where another process has it
 [[nodiscard]] FileHandle lock_folder(const std::filesystem::path& path);
 
-/// What is wrong with a path that is no folder.
-[[nodiscard]] std::string no_folder(const std::filesystem::path& path);
+/// @throws InputError  a path that is no folder, or not there
+void check_is_folder(const std::filesystem::path& path);
 
 /// Whether a folder is another one or in it; of two folders that need not exist, links followed.
 [[nodiscard]] bool lies_in(const std::filesystem::path& inner, const std::filesystem::path& outer);

@@ -15,7 +15,7 @@ namespace dynslam::runtime {
 
 MaskSource::MaskSource(std::filesystem::path folder, MaskOptions options)
     : folder_(std::move(folder)), options_(std::move(options)) {
-  if (!std::filesystem::is_directory(folder_)) throw InputError(folder_.string(), 0, no_folder(folder_));
+  check_is_folder(folder_);
   if (std::filesystem::is_directory(folder_ / "label")) folder_ /= "label";
   (void)mask_class_names(options_);  // before hours are spent
 }

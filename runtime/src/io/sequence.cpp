@@ -101,7 +101,7 @@ const Format& format_of(const fs::path& root, const std::string& name) {
                          ? "is empty"
                          : "is neither a folder nor a recording of ROS (.bag, .mcap, .db3)");
   }
-  if (!folder) throw InputError(root.string(), 0, no_folder(root));
+  check_is_folder(root);
   return name.empty() ? format_by_looking(root) : format_by_name(name);
 }
 

@@ -42,7 +42,7 @@ fs::path folder_of_masks(const fs::path& folder) {
 
 /// Stems of the PNG files in a folder, sorted. @throws InputError where there are none
 std::vector<std::string> mask_names(const fs::path& folder) {
-  if (!fs::is_directory(folder)) throw InputError(folder.string(), 0, no_folder(folder));
+  check_is_folder(folder);
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(folder_of_masks(folder))) {
     if (entry.path().extension() == ".png") names.push_back(entry.path().stem().string());
@@ -61,7 +61,7 @@ cv::Mat dynamic_of(MaskSource& source, const std::string& name, cv::Size size) {
 
 MaskReport evaluate_masks(const fs::path& predicted, const fs::path& truth, int widen,
                           const MaskOptions& options, const MaskOptions& truth_options) {
-  if (!fs::is_directory(predicted)) throw InputError(predicted.string(), 0, no_folder(predicted));
+  check_is_folder(predicted);
   const std::vector<std::string> names = mask_names(truth);
   MaskSource found_masks(predicted, options), true_masks(truth, truth_options);
   MaskReport report;

@@ -37,21 +37,12 @@ struct Ball {
   double radius;
 };
 
-SequenceOptions reading(const MaskFaultOptions& options) {
-  SequenceOptions result;
-  result.format = options.format;
-  result.topics = options.topics;
-  result.rate = options.rate;
-  result.camera = options.camera;
-  return result;
-}
-
 class MaskFaults {
  public:
   explicit MaskFaults(const MaskFaultOptions& options)
       : options_(options),
-        sequence_(load_sequence(options.sequence, reading(options))),
-        camera_(camera_of(sequence_, options.camera)),
+        sequence_(load_sequence(options.sequence, options.reading)),
+        camera_(camera_of(sequence_, options.reading.camera)),
         random_(options.seed) {
     check_no_input(sequence_, options.out);
     if (sequence_.groundtruth.empty())

@@ -179,8 +179,8 @@ void Run::prepare_outputs() {
   earlier_run_ = fs::exists(options_.out / "summary.json");
   write_file(options_.out / "config.toml", config_file(options_));
   write_summary();
-  for (int map = 2; fs::remove(separate_file(options_.out, map)); ++map) {
-  }  // of an earlier run
+  for (int map = 2; fs::remove(separate_file(options_.out, map)); ++map) {  // of an earlier run
+  }
   if (options_.save_masks) make_folder(options_.out / "masks");
   fs::remove(options_.out / "report.jsonl");  // of an earlier run
   if (options_.report)

@@ -9,8 +9,9 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
-#include <string>
 #include <string_view>
+
+#include "dynslam/runtime/io/sequence.hpp"
 
 namespace dynslam::runtime {
 
@@ -45,10 +46,7 @@ inline constexpr std::array<std::string_view, 10> kMaskFaultNames{"object-always
 /// Which masks are made, of what.
 struct MaskFaultOptions {
   std::filesystem::path sequence;  ///< with ground truth: where the camera is says where the object is seen
-  std::string camera;              ///< empty: by the sequence
-  std::string format;              ///< of the sequence, see sequence_formats(); empty: by looking at it
-  std::string topics;              ///< of a bag, "COLOUR,DEPTH"; empty: by looking at it
-  double rate = 30;                ///< frames per second, of formats without time stamps
+  SequenceOptions reading;         ///< of the sequence, its camera's name included
   std::filesystem::path out;       ///< folder of `<time stamp>.png`, for `run --masks`
   MaskFault fault = MaskFault::object_always;
   std::uint64_t seed = 1;  ///< of the blobs
