@@ -138,6 +138,11 @@ TEST_CASE("a network without end is ended by one Ctrl-C, one without bound is re
     CHECK(r.code == 124);  // of `timeout`, which had to kill nobody (137)
     CHECK(mentions(r.out, "dynslam: interrupted"));
   }
+  // One request that comes twice, as `timeout` sends it.
+  const ProgramResult twice = shell(std::string(DYNSLAM_PROGRAM) + run + "/endless.onnx 2>&1 & p=$!; " +
+                                    "sleep 2; kill -INT $p; kill -INT $p; wait $p");
+  CHECK(twice.code == 130);
+  CHECK(mentions(twice.out, "dynslam: interrupted"));
   write_huge(folder.path / "huge.onnx");
   check_one_line_error(run.substr(1) + "/huge.onnx", 1, "it needs more than 4096 MB of memory");
 }

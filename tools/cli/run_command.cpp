@@ -6,6 +6,8 @@
 #include <atomic>
 #include <csignal>
 #include <cstddef>
+#include <cstdint>
+#include <ctime>
 #include <filesystem>
 #include <iostream>
 #include <optional>
@@ -37,10 +39,22 @@ namespace {
 namespace rt = dynslam::runtime;
 
 std::atomic<bool> stop_requested{false};
+std::atomic<std::int64_t> stop_requested_at{0};  // [ms]
 
+/// The first signal asks the run to end, a later one ends the program at once. Within half a second it is the
+/// same request: timeout(1) sends its signal to the process and to its group.
 extern "C" void request_stop(int signal) {
-  stop_requested.store(true);
-  std::signal(signal, SIG_DFL);  // a second Ctrl-C ends the program at once
+  constexpr std::int64_t kSameRequest = 500;
+  timespec time{};
+  ::clock_gettime(CLOCK_MONOTONIC, &time);
+  const std::int64_t now = 1 + std::int64_t{time.tv_sec} * 1000 + time.tv_nsec / 1000000;
+  std::int64_t first = 0;
+  if (stop_requested_at.compare_exchange_strong(first, now)) {
+    stop_requested.store(true);
+  } else if (now - first > kSameRequest) {
+    std::signal(signal, SIG_DFL);
+    ::raise(signal);  // comes once this one has been handled
+  }
 }
 
 /// For the commands that save what they have when they are interrupted; the others simply end.
