@@ -18,8 +18,7 @@ def without_addition(name):
 
 # Name of a part -> what of the configuration leaves it out.
 PARTS = {
-    "keypoints": "[tracker.geometry.belief.keypoints]\ndynamic = 0.0\nis_static = 0.0\n",
-    "surface_keypoints": "[tracker.geometry.belief.surfaces]\nkeypoints = 1000000\n",
+    "keypoints": "[tracker.geometry.belief.surfaces]\nkeypoints = 1000000\n",
     "outlines": "[tracker.geometry.belief.surfaces]\noutline = 1000000\n",
     "pooling": "[tracker.geometry.belief.pooling]\ncoupling = 0.0\n",
     "background_motion": "[tracker.search]\nyoung_frames = 0\n",

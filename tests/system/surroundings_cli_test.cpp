@@ -156,7 +156,7 @@ TEST_CASE("lengths and sizes that nothing has are refused") {
     check_one_line_error("map export " + at + "/o/map.sot --grid " + at + "/g.pgm --cell " + cell, 2,
                          "--cell");
   check_one_line_error("synth " + at + "/s --size 0x0", 2, "'0x0' is not a size");
-  for (const char* field : {"outlines]\nbeside", "outlines]\ngap", "keypoints]\nreach"}) {
+  for (const char* field : {"outlines]\nbeside", "outlines]\ngap"}) {
     write_text(folder.path / "c.toml", std::string("[tracker.geometry.belief.") + field + " = 1000000\n");
     check_one_line_error("run " + at + "/seq --out " + at + "/p --config " + at + "/c.toml", 1, "c.toml:2: ");
   }

@@ -29,20 +29,9 @@
 
 namespace dynslam {
 
-/// How keypoints (Eqs 3 to 7) are evidence for the cells around them.
-struct KeypointEvidenceOptions {
-  float dynamic = 3.0F;    ///< log-likelihood ratio of motion of a dynamic keypoint
-  float is_static = 1.0F;  ///< and against motion of a static one
-  int reach = 2;           ///< cells around a keypoint
-  /// How near to something nearer, as a share of the image's width, a keypoint's patch may show the other's
-  /// edge: such a dynamic keypoint is no evidence for the surface behind.
-  double edge = 1 / 80.0;
-};
-
 /// Options of MotionBelief. Sizes are in cells of a grid of about 160 x 120.
 struct MotionBeliefOptions {
   FreeSpaceOptions free_space;
-  KeypointEvidenceOptions keypoints;
   SupportPlaneOptions supports;
   MovedOutlineOptions outlines;
   SurfaceEvidenceOptions surfaces;
@@ -54,9 +43,8 @@ struct MotionBeliefOptions {
 
 /// The log-odds that what is seen moves, for each cell of the reduced depth image:
 ///  1. predicted: a surface that was there in an earlier view keeps its belief, which decays to a prior;
-///  2. observed: free space and support of earlier views (Eq 6, signed), keypoints (Eqs 3 to 7), and the
-///  outlines and
-///     keypoints of whole surfaces each add a bounded log-likelihood ratio;
+///  2. observed: free space and support of earlier views (Eq 6, signed), and the outlines and keypoints (Eqs 3
+///     to 7) of whole surfaces each add a bounded log-likelihood ratio;
 ///  3. pooled over connected surfaces (pool_beliefs());
 ///  4. thresholded: dynamic where it is above 0.
 template <std::floating_point S>
@@ -78,7 +66,7 @@ class MotionBelief {
              Image<std::uint8_t>& mask) {
     history_.check(grid, depth, smooth, t, T_c_w, evidence_, shutter);
     const auto surfaces = find_surfaces(grid, depth);
-    add_keypoints(grid, depth, matches, surfaces.size());
+    count_keypoints(grid, depth, matches, surfaces.size());
     add_surfaces(surfaces);
     pool_beliefs(depth, evidence_.confidence, evidence_.belief, options_.pooling, pooling_);
     int dynamic = 0;
@@ -137,23 +125,17 @@ class MotionBelief {
                           options_.outlines, outlines_);
   }
 
-  /// Adds keypoints to the cells around them, and counts those of each surface.
-  void add_keypoints(const DepthGrid& grid, const Image<float>& depth,
-                     std::span<const JudgedMatch<S>> matches, std::size_t surfaces) {
-    const KeypointEvidenceOptions& o = options_.keypoints;
-    const int w = grid.width(), h = grid.height();
-    const int edge = static_cast<int>(std::lround(o.edge * w));
+  /// Counts the keypoints of each surface.
+  void count_keypoints(const DepthGrid& grid, const Image<float>& depth,
+                       std::span<const JudgedMatch<S>> matches, std::size_t surfaces) {
+    const int w = grid.width();
+    const int edge = static_cast<int>(std::lround(options_.surfaces.keypoint_edge * w));
     keypoints_.assign(surfaces + 1, {});
     all_keypoints_ = {};
     for (const JudgedMatch<S>& m : matches) {
       const int c = grid.cell_at(static_cast<float>(m.x_m.x()), static_cast<float>(m.x_m.y()));
       if (c < 0) continue;
-      const int i = c % w, j = c / w;
-      if (m.dynamic && beside_nearer(depth, i, j, edge, options_.free_space.margins)) continue;
-      for (int y = std::max(0, j - o.reach); y <= std::min(h - 1, j + o.reach); ++y) {
-        for (int x = std::max(0, i - o.reach); x <= std::min(w - 1, i + o.reach); ++x)
-          evidence_.add(static_cast<std::size_t>(y * w + x), m.dynamic ? o.dynamic : -o.is_static);
-      }
+      if (m.dynamic && beside_nearer(depth, c % w, c / w, edge, options_.free_space.margins)) continue;
       keypoints_[static_cast<std::size_t>(outlines_.surface.data()[c])].add(m.dynamic);
       all_keypoints_.add(m.dynamic);
     }

@@ -31,6 +31,9 @@ struct SurfaceEvidenceOptions {
   double perimeter = 3.5;
   int outline = 20;    ///< least sides of cells,
   int keypoints = 15;  ///< and keypoints, that are evidence
+  /// How near to something nearer, as a share of the image's width, a keypoint's patch may show the other's
+  /// edge: such a dynamic keypoint is no evidence for the surface behind.
+  double keypoint_edge = 1 / 80.0;
 };
 
 /// What the outline of a surface tells of it. Counts are in cells of a grid of about 160 x 120.

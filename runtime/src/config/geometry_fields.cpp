@@ -72,16 +72,6 @@ void list(FieldList& f, StaticWeightsOptions<double>& o) {
   f.table("depth_noise", o.depth_noise);
 }
 
-void list(FieldList& f, KeypointEvidenceOptions& o) {
-  f("dynamic", o.dynamic, "", "log-likelihood ratio of a keypoint that moves", kNotNegative);
-  f("is_static", o.is_static, "", "and against motion of a static one", kNotNegative);
-  f("reach", o.reach, "cells", "around a keypoint for which it speaks", kCells);
-  f("edge", o.edge, "",
-    "distance to something nearer, as a share of the image's width, within which a dynamic keypoint does not "
-    "count",
-    kShare);
-}
-
 void list(FieldList& f, KeypointRegionOptions& o) {
   f("radius", o.radius, "image widths", "distance within which other keypoints count", kShare);
   f("support", o.support, "keypoints", "dynamic keypoints that must be there, itself included", from(1));
@@ -186,6 +176,10 @@ void list(FieldList& f, SurfaceEvidenceOptions& o) {
   f("perimeter", o.perimeter, "", "least outline of a surface of n cells, in sqrt(n) sides", kNotNegative);
   f("outline", o.outline, "cells", "least outline that is evidence", kCount);
   f("keypoints", o.keypoints, "", "least keypoints that are", kCount);
+  f("keypoint_edge", o.keypoint_edge, "",
+    "distance to something nearer, as a share of the image's width, within which a dynamic keypoint does not "
+    "count",
+    kShare);
 }
 
 void list(FieldList& f, MotionBeliefOptions& o) {
@@ -193,7 +187,6 @@ void list(FieldList& f, MotionBeliefOptions& o) {
   f("min_region", o.min_region, "cells", "size below which a dynamic region is dropped", kCount);
   f("max_hole", o.max_hole, "cells", "size up to which a hole in a dynamic region is filled", kCount);
   f.table("free_space", o.free_space);
-  f.table("keypoints", o.keypoints);
   f.table("supports", o.supports);
   f.table("outlines", o.outlines);
   f.table("surfaces", o.surfaces);
