@@ -257,8 +257,10 @@ class FreeSpaceHistory {
             belief.data()[c] += (then[q] - options_.prior) * keeps;
             seen_[c] = 2;
           }
-          // A mover still overlaps with where it was shortly before; what has stayed long is at rest.
-          const float moved = shows_rest || !same ? 0.0F : 1.0F / (1.0F + std::exp(-then[q]));
+          // A mover overlaps with where it was shortly before. What has stayed long is at rest, unless it was
+          // gone meanwhile: a younger view, which came before this one, had free space there.
+          const bool stayed = shows_rest && violations_[c] == 0;
+          const float moved = stayed || !same ? 0.0F : 1.0F / (1.0F + std::exp(-then[q]));
           if (is_old) {
             ratio_[c] -= options_.supported * (1 - moved);
             seen_[c] = std::max<std::uint8_t>(seen_[c], 1);
