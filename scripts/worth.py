@@ -27,6 +27,7 @@ PARTS = {
     "recovered_frames": "[tracker.search]\nrecovered_frames = 0\n",
     "revise": "[tracker.search]\nrevise = false\n",
     "smoothing": "[trajectory]\nsmooth = false\n",
+    "rest_lag": "[tracker.geometry.belief.free_space]\nrest_lag = 10\n",
     "memory": "[tracker.geometry.belief.free_space]\nmemory = 0.001\n",
     **{name: without_addition(name) for name in ADDITIONS},
 }

@@ -3,7 +3,7 @@
 # Debian packages, made by `cpack` in the build folder after the program was built:
 #
 #   libdynslam-dev          headers of the core and of its adapters, CMake and pkg-config files; any architecture
-#   libdynslam-runtime-dev  dynslam::runtime, dynslam::synth, dynslam::evaluation: headers and static libraries
+#   libdynslam-runtime-dev  dynslam::io, ::runtime, ::synth, ::evaluation: headers and static libraries
 #   dynslam                 the program, its manual pages and completions, cameras and the demo's network; with ONNX
 #                           Runtime in a folder of its own where scripts/install-onnxruntime.sh got it
 #   python3-dynslam         the Python module, with DYNSLAM_BUILD_PYTHON, for the Python that it was built with

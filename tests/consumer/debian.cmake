@@ -48,7 +48,8 @@ set(dynslam ${WORK}/packages/dynslam_${VERSION}_${architecture}.deb)
 holds(libdynslam-dev usr/include/dynslam/dynslam.hpp usr/include/dynslam/interop/opencv.hpp
   usr/lib[a-z0-9_/-]*/cmake/dynslam/dynslamConfig.cmake usr/share/pkgconfig/dynslam.pc
   usr/share/doc/libdynslam-dev/copyright NOT include/dynslam/runtime/ usr/bin/ "\\.a\n" "\\.so")
-holds(libdynslam-runtime-dev usr/include/dynslam/runtime/slam.hpp "libdynslam_runtime.a\n" dynslam-runtime.cmake
+holds(libdynslam-runtime-dev usr/include/dynslam/runtime/slam.hpp "libdynslam_io.a\n" "libdynslam_runtime.a\n"
+  dynslam-runtime.cmake
   NOT usr/bin/ "\\.so")
 holds(dynslam usr/bin/dynslam usr/share/man/man1/dynslam-run.1.gz usr/share/bash-completion/completions/dynslam
   usr/share/dynslam/cameras/realsense_d435.txt usr/share/dynslam/models/demo_segmenter.onnx

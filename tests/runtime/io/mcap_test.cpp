@@ -96,6 +96,11 @@ TEST_CASE("an MCAP file that was cut off is read as far as it goes, with a line 
     const bag::BagSurvey found = survey_of(whole.substr(0, whole.size() / 2) + std::string(20000, '\0'));
     CHECK(mentions(found.missing.at(0), "was not closed, or was cut off: read up to byte"));
   }
+  CHECK(mentions(error_of([] {
+                   (void)bag::choose_topics(survey_of(small_recording<McapWriter>().bytes().substr(0, 60)),
+                                            "");
+                 }),
+                 "its topics of images: none; x.mcap: was not closed, or was cut off: read up to byte"));
   std::string holed = small_recording<McapWriter>().bytes();
   holed.replace(8, 200, 200, '\0');
   CHECK(mentions(mcap_error(holed), "x.mcap: at byte"));  // which has its end

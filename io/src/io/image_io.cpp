@@ -54,7 +54,8 @@ cv::Mat grey_of(const cv::Mat& image, const std::string& name) {
   cv::split(image, planes);
   for (std::size_t k = 1; k < 3; ++k) {
     if (cv::norm(planes[0], planes[k], cv::NORM_INF) != 0)
-      throw InputError(name, 0, fmt::format("has {} channels that differ, which no depth has", image.channels()));
+      throw InputError(name, 0,
+                       fmt::format("has {} channels that differ, which no depth has", image.channels()));
   }
   return planes[0];
 }

@@ -23,8 +23,8 @@ struct CameraConfig {
   /// Stamp of a depth image less the time at which it was taken [s]: how late the driver stamps it, beyond
   /// what it does with colour.
   double depth_time_offset = 0;
-  /// From the first row of the colour image to the last [s], 0: all rows at once (a global shutter), negative:
-  /// from the last to the first. A frame's stamp and pose are those of its middle row.
+  /// From the first row of the colour image to the last [s], 0: all rows at once (a global shutter),
+  /// negative: from the last to the first. A frame's stamp and pose are those of its middle row.
   double readout_time = 0;
   /// Of its depth; empty: nobody knows, and the options' are used as they are. See docs/cameras.md.
   std::optional<DepthNoise<double>> depth_noise{};

@@ -115,9 +115,9 @@ void save_map_grid(const MapGrid& map, const std::filesystem::path& pgm) {
   std::string yaml = "# x, y, z in this grid's frame (z up, 0 on the floor) of a point in the map's:\n";
   for (Eigen::Index i = 0; i < 3; ++i)
     yaml += fmt::format("#   {:9.6f} {:9.6f} {:9.6f} {:9.6f}\n", T(i, 0), T(i, 1), T(i, 2), T(i, 3));
-  yaml +=
-      fmt::format("image: {}\nmode: trinary\nresolution: {:.10g}\norigin: [{:.10g}, {:.10g}, 0]\n",
-                  yaml_string(pgm.filename().string()), map.grid.cell, map.grid.corner.x(), map.grid.corner.y());
+  yaml += fmt::format("image: {}\nmode: trinary\nresolution: {:.10g}\norigin: [{:.10g}, {:.10g}, 0]\n",
+                      yaml_string(pgm.filename().string()), map.grid.cell, map.grid.corner.x(),
+                      map.grid.corner.y());
   write_file(pgm, pgm_of(map.grid));
   write_file(yaml_file, yaml + kThresholds);
 }

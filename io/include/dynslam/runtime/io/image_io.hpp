@@ -20,9 +20,9 @@ inline constexpr int kLongestSide = 8192;
 struct PngFile;    // io/png_decoder.hpp
 struct DepthFile;  // io/depth_files.hpp
 
-/// A PNG or JPEG file, or depth as TIFF, OpenEXR or numpy's .npy, read and complete: OpenCV returns half a picture for a
-/// truncated or damaged file without a word, so the end marker of the format is checked first, a PNG's check sums, and a
-/// JPEG's whole data.
+/// A PNG or JPEG file, or depth as TIFF, OpenEXR or numpy's .npy, read and complete: OpenCV returns half a
+/// picture for a truncated or damaged file without a word, so the end marker of the format is checked first,
+/// a PNG's check sums, and a JPEG's whole data.
 class EncodedImage {
  public:
   /// @throws InputError naming the file

@@ -23,9 +23,9 @@ namespace fs = std::filesystem;
 using formats::Format;
 
 constexpr std::array<const Format*, 12> kFormats{
-    &formats::kTum,     &formats::kBonn,    &formats::kEth3d,   &formats::kIclNuim, &formats::kSevenScenes,
-    &formats::kReplica, &formats::kScanNet, &formats::kRedwood, &formats::kTartanAir, &formats::kStrayScanner,
-    &formats::kBag,     &formats::kRos2};
+    &formats::kTum,         &formats::kBonn,         &formats::kEth3d,   &formats::kIclNuim,
+    &formats::kSevenScenes, &formats::kReplica,      &formats::kScanNet, &formats::kRedwood,
+    &formats::kTartanAir,   &formats::kStrayScanner, &formats::kBag,     &formats::kRos2};
 
 /// Those that may be a file.
 constexpr std::array<const Format*, 2> kRecordings{&formats::kBag, &formats::kRos2};

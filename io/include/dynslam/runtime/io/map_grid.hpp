@@ -23,8 +23,8 @@ struct MapGridOptions {
       -Eigen::Vector3d::UnitY();          ///< in the map's frame; about, where the floor is looked for
   std::optional<double> camera_height{};  ///< of the first camera above the floor [m], with `up` exact;
                                           ///< empty: the floor is looked for in the map
-  std::vector<std::string> only{};     ///< classes that are obstacles; empty: all but people
-  std::vector<std::string> ignored{};  ///< classes that are none, beside people
+  std::vector<std::string> only{};        ///< classes that are obstacles; empty: all but people
+  std::vector<std::string> ignored{};     ///< classes that are none, beside people
 };
 
 /// A map seen from above, and on what ground.

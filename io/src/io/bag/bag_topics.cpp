@@ -70,13 +70,14 @@ ChosenTopics choose_by_looking(const BagSurvey& survey) {
   if (colour.empty() || depth.empty()) {
     Topics all;
     for (const ImageTopic& topic : survey.images) all.push_back(&topic);
+    std::string why;
+    if (!survey.not_read.empty())
+      why = fmt::format("; it has messages encoded as {}, which are not read",
+                        fmt::join(survey.not_read, ", "));
+    if (!survey.missing.empty()) why += "; " + survey.missing.front();
     throw InputError(survey.file, 0,
                      fmt::format("has no topic of {} images that are read; its topics of images: {}{}",
-                                 colour.empty() ? "colour" : "depth", list(all),
-                                 survey.not_read.empty()
-                                     ? ""
-                                     : fmt::format("; it has messages encoded as {}, which are not read",
-                                                   fmt::join(survey.not_read, ", "))));
+                                 colour.empty() ? "colour" : "depth", list(all), why));
   }
   if (colour.size() == 1)
     narrow(depth, [&](const auto* topic) { return topic->frame == colour[0]->frame; });

@@ -18,9 +18,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kSurveyed = 16;          // files that decide, spread over the folder
+constexpr std::size_t kSurveyed = 16;                  // files that decide, spread over the folder
 constexpr int kMaskHalf = 128, kMaskDeepHalf = 32768;  // from which on a grey value belongs to the mask
-constexpr int kOwnLabels = 3;                  // highest of this library's label images
+constexpr int kOwnLabels = 3;                          // highest of this library's label images
 constexpr std::size_t kContinuous = 128;  // grey values that no list of classes has: a mask with wide rims
 constexpr int kVocPerson = 15;
 constexpr const char* kHint =
@@ -248,7 +248,8 @@ void MaskRule::decide_grey(const Survey& survey) {
     for (std::uint8_t label = 0; label <= kOwnLabels; ++label)
       meanings_[label] = {label == static_cast<std::uint8_t>(Label::person), label};
     reason_ = "label images (1 person, 2 chair, 3 display), dynamic where 1";
-  } else if (top >= kMaskHalf && (survey.mostly(top) || values.front() >= kMaskHalf || values.size() >= kContinuous)) {
+  } else if (top >= kMaskHalf &&
+             (survey.mostly(top) || values.front() >= kMaskHalf || values.size() >= kContinuous)) {
     how_ = How::above;
     value_ = kMaskHalf;
     reason_ = fmt::format("grey masks, dynamic where {} or more", kMaskHalf);
