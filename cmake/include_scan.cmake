@@ -8,7 +8,7 @@
 #  - inside the core in one direction: config and detail/ <- concepts <- image, geometry, robust <- the other folders;
 #  - interop headers: the core and one library, never the runtime;
 #  - the umbrella header dynslam.hpp: every header of the core;
-#  - the runtime and the tools in one direction: threads <- ground <- io <- nets <- slam <- config, then synth, run, inspect
+#  - io, the runtime and the tools in one direction: threads <- ground <- io <- nets <- slam <- config, then synth, run, inspect
 #    <- evaluation, view <- report <- cli and python. Ground is what is in no folder: errors, stopwatch, frame and masks;
 #    slam.hpp and live.hpp belong to slam;
 #  - every header, those of io/, runtime/ and tools/, too: push_macros.hpp first, pop_macros.hpp last.

@@ -202,6 +202,24 @@ TEST_CASE_TEMPLATE("lags are times, whenever the frames come", S, float, double)
   }
 }
 
+TEST_CASE_TEMPLATE("what moved is at rest where it has stayed, not where it was gone meanwhile", S, float,
+                   double) {
+  const auto rested = [](bool gone) {
+    Fixture<S> f;
+    Image<float> moves = f.still;
+    moves.fill(4);
+    for (int k = 0; k < 66; ++k) {
+      f.look(gone && k >= 48 && k < 54 ? -100 : 60);  // from 0.6 to 0.4 s ago
+      f.history.check(f.grid, f.depth, f.smooth, f.t, SE3<S>(), f.evidence);
+      f.history.remember(f.depth, f.t, SE3<S>(), moves);
+      f.t += f.kFrame;
+    }
+    return f.evidence.rested(19, 15) == 1;
+  };
+  CHECK(rested(false));
+  CHECK_FALSE(rested(true));
+}
+
 TEST_CASE_TEMPLATE("after a gap longer than all lags, the last view before it tells", S, float, double) {
   Fixture<S> f;
   for (int k = 0; k < 12; ++k) {

@@ -196,7 +196,7 @@ TEST_CASE_TEMPLATE("depth images taken beside the grey ones make no movers, wher
     const MovingScene scene;
     double mean = 0;
     for (int k = 0; k < 40; ++k) {
-      const double delay = 0.6 * (k % 3 - 1);  // frames
+      const double delay = 0.8 * (k % 3 - 1);  // frames
       grey.render(scene, at(k));
       depth.render(scene, at(k + delay));
       const SE3<S> T_c_w = at(k).inverse().template cast<S>();
@@ -207,10 +207,9 @@ TEST_CASE_TEMPLATE("depth images taken beside the grey ones make no movers, wher
     }
     return mean;
   };
-  // A little is left: rims where keypoints, which go by the grey image, ask for a depth.
   const double blind = mean_share(false), told = mean_share(true);
   CAPTURE(blind);
-  CHECK(blind > 0.005);
+  CHECK(blind > 0.01);
   CHECK(told < 0.5 * blind);
 }
 
