@@ -20,6 +20,8 @@ struct Speeds {
 };
 
 constexpr double kInterpolatedGap = 0.25;  // between poses, that is interpolated over [s]
+constexpr double kLeastCertain =
+    0.02;  // standard deviation of an offset that is of use [s]: poses pair within it
 
 Speeds speeds_of(Poses poses, double step) {
   Speeds s;
@@ -95,10 +97,25 @@ double refined(Poses estimate, Poses truth, double offset, double step) {
   return offset;
 }
 
+/// Standard deviation of `offset` [s], by how fast positions cease to fit when they are shifted further;
+/// nullopt where they fit as well. On a line or a circle at a constant speed, alignment makes up for any
+/// shift. Errors of poses last about a second, so of each second there is one independent measurement.
+std::optional<double> deviation(Poses estimate, Poses truth, double offset) {
+  constexpr double kShift = 0.1;  // seconds
+  const auto fit = error_at(estimate, truth, offset);
+  const auto before = error_at(estimate, truth, offset - kShift),
+             after = error_at(estimate, truth, offset + kShift);
+  if (!fit || !before || !after) return std::nullopt;
+  const double grown = (*before * *before + *after * *after) / 2 - *fit * *fit;
+  if (!(grown > 0)) return std::nullopt;
+  const double seconds = std::max(1.0, estimate.back().t - estimate.front().t);
+  return kShift * *fit / std::sqrt(grown * seconds);
+}
+
 }  // namespace
 
-std::optional<double> clock_offset(std::span<const StampedPose<double>> estimate,
-                                   std::span<const StampedPose<double>> groundtruth) {
+std::optional<ClockOffset> clock_offset(std::span<const StampedPose<double>> estimate,
+                                        std::span<const StampedPose<double>> groundtruth) {
   if (estimate.size() < 2 || groundtruth.size() < 2) return std::nullopt;
   constexpr double kStep = 1.0 / 30, kMostSteps = 6000;
   const double longest =
@@ -123,8 +140,11 @@ std::optional<double> clock_offset(std::span<const StampedPose<double>> estimate
     }
   }
   if (!best) return std::nullopt;
-  const double offset = a.begin - b.begin + static_cast<double>(*best) * step;
-  return refined(estimate, groundtruth, offset, step);
+  const double offset =
+      refined(estimate, groundtruth, a.begin - b.begin + static_cast<double>(*best) * step, step);
+  const auto uncertain = deviation(estimate, groundtruth, offset);
+  if (!uncertain || *uncertain > kLeastCertain) return std::nullopt;
+  return ClockOffset{offset, *uncertain};
 }
 
 }  // namespace dynslam::runtime

@@ -171,14 +171,16 @@ TrajectoryReport evaluate_trajectory(Trajectory given, Trajectory groundtruth, c
   TrajectoryReport report;
   std::optional<double> offset = options.offset;
   if (options.find_offset) {
-    offset = clock_offset(given, groundtruth);
-    if (!offset)
-      throw InputError(
-          est_name, 0,
-          "does not tell the offset of its clock: it turns and moves too little, or otherwise than " +
-              gt_name);
+    const auto found = clock_offset(given, groundtruth);
+    if (!found)
+      throw InputError(est_name, 0,
+                       "does not tell the offset of its clock to 0.02 s: it moves too little, too evenly or "
+                       "otherwise than " +
+                           gt_name);
+    offset = found->seconds;
     report.notes.push_back(
-        fmt::format("offset of the clocks: {:.4f} s added to the estimate's times", *offset));
+        fmt::format("offset of the clocks: {:.4f} s (± {:.4f} s) added to the estimate's times",
+                    found->seconds, found->deviation));
   }
   const std::vector<StampedPose<double>> moved = shifted(given, offset.value_or(0));
   const Trajectory estimate = offset ? Trajectory(moved) : given;
