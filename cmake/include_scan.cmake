@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # cmake -D ROOT=<repository> -P cmake/include_scan.cmake
 #
-# Checks what the headers below ROOT/include/dynslam, and headers and sources below ROOT/io, ROOT/runtime and
-# ROOT/tools include:
+# Checks what the headers below ROOT/include/dynslam, and headers and sources below ROOT/runtime and ROOT/tools include:
 #  - core headers: the C++ standard library (but not its streams, files and threads), Eigen and the core; and
 #    detail/wide_vectors.hpp alone the compiler's vector instructions;
 #  - inside the core in one direction: config and detail/ <- concepts <- image, geometry, robust <- the other folders;
@@ -11,7 +10,7 @@
 #  - io, the runtime and the tools in one direction: threads <- ground <- io <- nets <- slam <- config, then synth, run, inspect
 #    <- evaluation, view <- report <- cli and python. Ground is what is in no folder: errors, stopwatch, frame and masks;
 #    slam.hpp and live.hpp belong to slam;
-#  - every header, those of io/, runtime/ and tools/, too: push_macros.hpp first, pop_macros.hpp last.
+#  - every header, those of runtime/ and tools/, too: push_macros.hpp first, pop_macros.hpp last.
 # Each fault is one line that begins with the file. With EXPECT_FAULTS=n exactly n faults are a success.
 cmake_minimum_required(VERSION 3.24)
 
@@ -109,10 +108,10 @@ function(floor path out)
   endforeach()
 endfunction()
 
-file(GLOB_RECURSE files RELATIVE ${ROOT} ${ROOT}/io/*.hpp ${ROOT}/io/*.cpp ${ROOT}/runtime/*.hpp ${ROOT}/runtime/*.cpp
+file(GLOB_RECURSE files RELATIVE ${ROOT} ${ROOT}/runtime/*.hpp ${ROOT}/runtime/*.cpp
   ${ROOT}/tools/*.hpp ${ROOT}/tools/*.cpp)
 foreach(file IN LISTS files)
-  string(REGEX MATCH "^(io|runtime|tools)/(include/dynslam/runtime/|src/)?(.*)$" self ${file})
+  string(REGEX MATCH "^(runtime/io|runtime|tools)/(include/dynslam/runtime/|src/)?(.*)$" self ${file})
   set(self ${CMAKE_MATCH_3})
   floor(${self} self_floor)
   if(self_floor STREQUAL "")
@@ -137,7 +136,7 @@ foreach(file IN LISTS files)
   endforeach()
 endforeach()
 
-file(GLOB_RECURSE runtime_headers ${ROOT}/io/include/dynslam/*.hpp ${ROOT}/runtime/include/dynslam/*.hpp
+file(GLOB_RECURSE runtime_headers ${ROOT}/runtime/io/include/dynslam/*.hpp ${ROOT}/runtime/include/dynslam/*.hpp
   ${ROOT}/tools/include/dynslam/*.hpp)
 foreach(header IN LISTS headers runtime_headers)
   if(header MATCHES "/(push|pop)_macros\\.hpp$")

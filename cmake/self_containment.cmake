@@ -17,7 +17,7 @@ function(dynslam_reached header out)
       if(name IN_LIST self_containment_precompiled)
         list(APPEND reached ${name})
       elseif(name MATCHES "^dynslam/")
-        foreach(folder IN ITEMS ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/io/include
+        foreach(folder IN ITEMS ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/runtime/io/include
             ${PROJECT_SOURCE_DIR}/runtime/include ${PROJECT_SOURCE_DIR}/tools/include)
           if(EXISTS ${folder}/${name})
             dynslam_reached(${folder}/${name} more)

@@ -46,7 +46,7 @@ def call(command, **options):
 
 def commit():
     """The commit at hand, and whether sources differ from it."""
-    changed = call(["git", "status", "--porcelain", "--", "include", "io", "runtime", "tools", "CMakeLists.txt", "cmake"], cwd=ROOT).strip()
+    changed = call(["git", "status", "--porcelain", "--", "include", "runtime", "tools", "CMakeLists.txt", "cmake"], cwd=ROOT).strip()
     return call(["git", "rev-parse", "--short=8", "HEAD"], cwd=ROOT).strip() + (" with changes" if changed else "")
 
 

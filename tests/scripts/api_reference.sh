@@ -18,9 +18,8 @@ scripts/docs.sh "$work" || exit $?
 html=$work/html
 
 # A page for each folder says what it is for.
-for folder in include/dynslam/*/ io/include/dynslam/runtime/ io/include/dynslam/runtime/*/ runtime/include/dynslam/runtime/ \
-  runtime/include/dynslam/runtime/*/ \
-  tools/include/dynslam/runtime/ tools/include/dynslam/runtime/*/; do
+for folder in include/dynslam/*/ {runtime/io,runtime,tools}/include/dynslam/runtime/ \
+  {runtime/io,runtime,tools}/include/dynslam/runtime/*/; do
   folder=${folder%/}
   page=$(grep -lF "<title>dynslam: $folder Directory Reference</title>" "$html"/dir_*.html) ||
     fail "$folder has no page"
@@ -54,7 +53,7 @@ done
 copy=$work/copy
 rm -rf "$copy"
 mkdir -p "$copy"
-cp -r CMakeLists.txt docs examples include io runtime scripts tools "$copy"
+cp -r CMakeLists.txt docs examples include runtime scripts tools "$copy"
 header=$copy/include/dynslam/dynamics/classify.hpp
 refused() {
   if "$copy/scripts/docs.sh" "$copy/out" > "$work/refused" 2>&1; then fail "$1 passed"; fi
