@@ -57,7 +57,7 @@ def trajectories():
     """ATE RMSE [cm] after alignment (SE(3)), medians of seeds 1 to 5 and, in brackets, the worst of them. *Live*: each
     frame's pose as `track()` returned it at once (`trajectory_live.txt`); *final*: after the last frame
     (`trajectory.txt`). Tracked: the fewest frames of the five runs. `none` is a plain tracker: beside the masks it
-    lacks what [method.md](method.md) lists. Network: yolo11n-seg, 416 x 320.
+    lacks what [backend.md](backend.md#what-the-modes-of-run-differ-in) lists. Network: yolo11n-seg, 416 x 320.
 
     dynslam run SEQ --dynamics MODE --seed N [--model yolo11n-seg.onnx]; dynslam eval RESULTS SEQ"""
     rows = []

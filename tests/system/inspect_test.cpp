@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// `dynslam info`: nothing is odd about a sound sequence of any format; each planted fault is found.
+// `dynslam info`: a sound sequence of any format has no warnings; each planted fault is found.
 #include "dynslam/runtime/inspect/inspect.hpp"
 
 #include <doctest/doctest.h>
@@ -33,7 +33,7 @@ InspectOptions film_options() {
 
 std::string all_of(const SequenceReport& report) {
   std::string text;
-  for (const std::string& odd : report.odd) text += odd + "\n";
+  for (const std::string& warning : report.warnings) text += warning + "\n";
   return text;
 }
 
@@ -58,7 +58,7 @@ void write_lists(const FormatFixture& fixture, const std::function<bool(std::siz
 
 }  // namespace
 
-TEST_CASE("nothing is odd about a sound sequence of any format, and the command is the one to run") {
+TEST_CASE("a sound sequence of any format has no warnings, and the command is the one to run") {
   for (const char* name : test::kFormatNames) {
     CAPTURE(name);
     const FormatFixture fixture(name);
@@ -78,7 +78,7 @@ TEST_CASE("nothing is odd about a sound sequence of any format, and the command 
     CHECK(report.command == "dynslam run " + fixture.root.string() + (fixture.stamped() ? "" : " --rate 10"));
     const std::string text = to_text(report);
     CHECK(mentions(text, "format    " + fixture.format));
-    CHECK(mentions(text, "odd       nothing"));
+    CHECK(mentions(text, "warnings  none"));
   }
 }
 
@@ -88,7 +88,7 @@ TEST_CASE("each planted fault is found, and nothing else") {
   SUBCASE("wrong depth scale") {
     change_depth(fixture, [](std::size_t, const cv::Mat& depth) -> cv::Mat { return depth / 5; });
     const SequenceReport report = found();
-    CHECK(report.odd.size() == 1);
+    CHECK(report.warnings.size() == 1);
     CHECK(mentions(all_of(report), "depth units per metre, not 5000"));
     REQUIRE(report.truth.scale);
     CHECK(*report.truth.scale == doctest::Approx(5).epsilon(0.1));
@@ -131,7 +131,7 @@ TEST_CASE("each planted fault is found, and nothing else") {
     write_lists(
         fixture, [](std::size_t i) { return i < 5 || i > 7; }, 0);
     const SequenceReport report = found();
-    CHECK(report.odd.size() == 1);
+    CHECK(report.warnings.size() == 1);
     CHECK(mentions(all_of(report), "1 gap: 3 frames are missing; the longest is 0.400 s, 0.400 s after"));
   }
   SUBCASE("images of another size") {
@@ -163,26 +163,26 @@ TEST_CASE("each planted fault is found, and nothing else") {
     std::ofstream(fixture.root / "camera.txt")
         << "name = mine\nwidth = 640\nheight = 480\nfx = 535.4\nfy = 539.2\ncx = 320.1\ncy = 247.6\n"
            "k1 = 0.1\ndepth_units_per_metre = 1000\n";
-    const std::string odd = all_of(found());
-    CHECK(mentions(odd, "the folder's name speaks of fr3, whose centre or lens puts pixels up to "));
-    CHECK(mentions(odd, " px beside those of the camera mine"));
-    CHECK(mentions(odd,
+    const std::string said = all_of(found());
+    CHECK(mentions(said, "the folder's name speaks of fr3, whose centre or lens puts pixels up to "));
+    CHECK(mentions(said, " px beside those of the camera mine"));
+    CHECK(mentions(said,
                    "the folder's name speaks of fr3 (5000 depth units per metre), the camera mine has 1000"));
   }
   SUBCASE("a camera of another size than the images") {
     std::ofstream(fixture.root / "camera.txt")
         << "width = 320\nheight = 240\nfx = 267.7\nfy = 269.6\ncx = 160\ncy = 124\n";
-    const std::string odd = all_of(found());
-    CHECK(mentions(odd, "14 of 14 colour images are not 320x240 as the camera's, the first"));
-    CHECK(mentions(odd, "14 of 14 depth images are not 320x240 as the camera's, the first"));
-    CHECK(mentions(odd, "(640x480)"));
+    const std::string said = all_of(found());
+    CHECK(mentions(said, "14 of 14 colour images are not 320x240 as the camera's, the first"));
+    CHECK(mentions(said, "14 of 14 depth images are not 320x240 as the camera's, the first"));
+    CHECK(mentions(said, "(640x480)"));
   }
   SUBCASE("a camera whose centre is aside and whose pixels are not square") {
     std::ofstream(fixture.root / "camera.txt")
         << "width = 640\nheight = 480\nfx = 535.4\nfy = 480\ncx = 200\ncy = 247.6\n";
-    const std::string odd = all_of(found());
-    CHECK(mentions(odd, "the camera's centre (200.0, 247.6) is far from the middle of 640x480"));
-    CHECK(mentions(odd, "the camera's fx 535.4 and fy 480.0 differ by 12 %"));
+    const std::string said = all_of(found());
+    CHECK(mentions(said, "the camera's centre (200.0, 247.6) is far from the middle of 640x480"));
+    CHECK(mentions(said, "the camera's fx 535.4 and fy 480.0 differ by 12 %"));
   }
   SUBCASE("a value that means no depth") {
     change_depth(fixture, [](std::size_t, const cv::Mat& depth) {
@@ -206,7 +206,7 @@ TEST_CASE("a sequence without a camera is described, and the camera asked for") 
   fs::remove(fixture.root / "camera_intrinsic.json");
   const SequenceReport report = inspect_sequence(fixture.root, film_options());
   CHECK(mentions(all_of(report), "the camera is not known: give --camera"));
-  CHECK(report.odd.size() == 1);
+  CHECK(report.warnings.size() == 1);
   CHECK(mentions(report.command, " --camera FILE"));
   CHECK(report.edges.measured);
 }
@@ -218,7 +218,7 @@ TEST_CASE("the info command prints text and JSON, and errors on one line") {
   CHECK(json["format"] == "7-scenes");
   CHECK(json["pairs"] == film().size());
   CHECK(json["camera"]["invalid_depth"] == 65535);
-  CHECK(json["odd"].empty());
+  CHECK(json["warnings"].empty());
   CHECK(json["command"] == "dynslam run " + root + " --rate 10");
   const auto text = test::call("info " + root + " --rate 10");
   CHECK(text.code == 0);

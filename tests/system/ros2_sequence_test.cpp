@@ -108,7 +108,7 @@ TEST_CASE("what the program says of recordings of ROS 2") {
   CHECK(mentions(info.out, "format    ros2\ntopics    /camera/rgb/image_color,/camera/depth/image\n"));
   CHECK(mentions(info.out, "14 pairs of 14 colour and 14 depth images"));
   CHECK(mentions(info.out, "/tf (world -> openni_rgb_optical_frame): 14 poses"));
-  CHECK(mentions(info.out, "odd       nothing"));
+  CHECK(mentions(info.out, "warnings  none"));
   const ProgramResult run = call("run " + name + " --format ros2 --no-map --out " + out);
   CHECK(run.code == 0);
   CHECK(mentions(run.out, "ATE [m]"));
@@ -122,7 +122,7 @@ TEST_CASE("what the program says of recordings of ROS 2") {
   test::write_file(file, whole.substr(0, whole.size() * 3 / 4));
   const ProgramResult cut = call("info " + name);
   CHECK(cut.code == 0);
-  CHECK(mentions(cut.out, "odd       " + name + ": was not closed, or was cut off: read up to byte"));
+  CHECK(mentions(cut.out, "warnings  " + name + ": was not closed, or was cut off: read up to byte"));
   CHECK(mentions(call("run " + name + " --no-map --dynamics none --out " + out + "2").out,
                  "dynslam: warning: " + name + ": was not closed"));
   CHECK(mentions(call("convert " + name + " " + out + "_tum2").out,
@@ -139,7 +139,7 @@ TEST_CASE("what the program says of recordings of ROS 2") {
                              "holds no recording of ROS 2");
 }
 
-TEST_CASE("a recording of a sequence that TUM named has the camera of that name in what is odd") {
+TEST_CASE("a recording of a sequence that TUM named has the camera of that name in the warnings") {
   const TemporaryFolder folder;
   const fs::path file = folder.path / "rgbd_dataset_freiburg1_desk.mcap";
   test::write_file(file, mcap_of_film());

@@ -113,7 +113,7 @@ TEST_CASE("stamps that are no seconds, and a ground truth of other times, are na
        0,
        {"by their stamps, which are seconds, not milliseconds: times 0.001 they would be 30",
         "the images' stamps times 0.001 would fit it"},
-       {"odd       nothing"}},
+       {"warnings  none"}},
       {"milliseconds are not waited for",
        milliseconds,
        "run SEQ --live --dynamics none --no-map --out OUT",
@@ -129,7 +129,7 @@ TEST_CASE("stamps that are no seconds, and a ground truth of other times, are na
        kInfo,
        0,
        {"numbers of frames? Stamps are seconds", "the images' stamps times 0.0333333 and "},
-       {"odd       nothing"}},
+       {"warnings  none"}},
       {"kiloseconds",
        stamped([](std::size_t, double t) { return fmt::format("{:.9f}", 1e-3 * t); }),
        kInfo,
@@ -205,7 +205,7 @@ TEST_CASE("a ground truth that is damaged stops nothing: what is no pose is left
                  0,
                  {"8 of 8 frames tracked", fault.says,
                   fault.none ? "no ATE and RPE, for want of a ground truth: " : "ATE [m]"}});
-    check_input({fault.name + ", info", fault.change, kInfo, 0, {fault.says}, {"odd       nothing"}});
+    check_input({fault.name + ", info", fault.change, kInfo, 0, {fault.says}, {"warnings  none"}});
     check_input({fault.name + ", convert", fault.change, "convert SEQ OUT", 0, {"8 frames in ", fault.says}});
   }
   const auto separated = [](const std::string& by, const std::string& end) {

@@ -97,7 +97,7 @@ TEST_CASE("info says why frames cannot be decoded, and does not advise to run th
       }
     };
   };
-  const std::vector<std::string> never{"odd       nothing", "dynslam run"};
+  const std::vector<std::string> never{"warnings  none", "dynslam run"};
   check_all({
       {"8 bits",
        depth(CV_8UC1, 1.0 / 256),

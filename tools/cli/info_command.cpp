@@ -19,7 +19,7 @@ struct InfoCommand::Options {
 
 InfoCommand::InfoCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   Options& o = *o_;
-  o.command = app.add_subcommand("info", "Say what a sequence is, what is odd about it, and how to run it");
+  o.command = app.add_subcommand("info", "Say what a sequence is, with warnings, and how to run it");
   o.command->add_option("sequence", o.sequence, "Folder of a sequence, or a recording of ROS 1 or 2")
       ->required();
   add_format_options(*o.command, o.inspect.reading.format, o.inspect.reading.topics, o.inspect.reading.rate);

@@ -6,13 +6,13 @@
 
 namespace dynslam::app {
 
-/// `dynslam info`: what a sequence is, and what is odd about it.
+/// `dynslam info`: what a sequence is, with warnings.
 class InfoCommand {
  public:
   explicit InfoCommand(CLI::App& app);
   ~InfoCommand();
   [[nodiscard]] bool chosen() const;
-  /// @return exit code: 0 also where something is odd @throws InputError, UsageError
+  /// @return exit code: 0 also with warnings @throws InputError, UsageError
   [[nodiscard]] int run() const;
 
  private:

@@ -73,7 +73,8 @@ std::string describe(const rt::Progress& p) {
 void add_slam_options(CLI::App& app, rt::RunOptions& o) {
   app.add_option_function<std::string>(
          "--method", [&o](const std::string& name) { o.tracker.method = *rt::parse_method(name); },
-         "paper: the paper's steps alone; full: also free space, people at rest, surface weights, motion "
+         "paper: masks as in Wen et al. 2021, with guards; full: the belief of motion, surface weights, "
+         "motion "
          "prior")
       ->default_str("full")
       ->check(CLI::IsMember({"paper", "full"}));
@@ -276,7 +277,8 @@ RunCommand::RunCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
   o.command->add_flag("--verbose,-v", o.run.verbose,
                       "Say what was recognised: the network's outputs, values and classes");
   o.command->add_flag("--view", o.view, "Show the run in a window while it goes on");
-  o.command->add_flag("--save-masks", o.run.save_masks, "Write the dynamic masks (255 = dynamic)");
+  o.command->add_flag("--save-masks", o.run.save_masks,
+                      "Write the masks (255 moves, 128 may move, 0 static)");
   o.command->add_flag_callback(
       "--live", [&o] { o.run.schedule = rt::Schedule::live; },
       "As from a camera: frames come at their recorded pace, late ones are dropped; results differ between "

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What is odd about a camera before an image is looked at.
+// Warnings of a camera before an image is looked at.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -28,7 +28,7 @@ double largest_difference(const CameraConfig& a, const CameraConfig& b) {
 }
 
 /// Against the camera that the name of the folder, or of the bag, speaks of.
-void judge_name(const Sequence& sequence, const CameraConfig& camera, std::vector<std::string>& odd) {
+void judge_name(const Sequence& sequence, const CameraConfig& camera, std::vector<std::string>& warnings) {
   const std::string& named = sequence.folder_camera;
   const char* whose = sequence.format == "bag" ? "bag" : sequence.format == "ros2" ? "recording" : "folder";
   constexpr double kSame = 0.01;  // of focal lengths, units and the width
@@ -36,37 +36,37 @@ void judge_name(const Sequence& sequence, const CameraConfig& camera, std::vecto
   const auto &k = camera.model.pinhole(), &e = expected.model.pinhole();
   const double apart = largest_difference(camera, expected);
   if (std::abs(k.fx() / e.fx() - 1) > kSame || std::abs(k.fy() / e.fy() - 1) > kSame) {
-    odd.push_back(
+    warnings.push_back(
         fmt::format("the {}'s name speaks of {} (fx {:.1f}, fy {:.1f}), the camera {} has "
                     "fx {:.1f}, fy {:.1f}",
                     whose, named, e.fx(), e.fy(), camera.name, k.fx(), k.fy()));
   } else if (apart > kSame * camera.width) {
-    odd.push_back(fmt::format(
+    warnings.push_back(fmt::format(
         "the {}'s name speaks of {}, whose centre or lens puts pixels up to {:.0f} px beside those of "
         "the camera {}",
         whose, named, apart, camera.name));
   }
   if (sequence.depth_units > 0) return;  // the format has its own
   if (std::abs(camera.depth_units_per_metre / expected.depth_units_per_metre - 1) > kSame)
-    odd.push_back(fmt::format("the {}'s name speaks of {} ({} depth units per metre), the camera {} has {}",
-                              whose, named, expected.depth_units_per_metre, camera.name,
-                              camera.depth_units_per_metre));
+    warnings.push_back(
+        fmt::format("the {}'s name speaks of {} ({} depth units per metre), the camera {} has {}", whose,
+                    named, expected.depth_units_per_metre, camera.name, camera.depth_units_per_metre));
 }
 
 }  // namespace
 
 std::vector<std::string> camera_doubts(const Sequence& sequence, const CameraConfig& camera) {
-  std::vector<std::string> odd;
+  std::vector<std::string> warnings;
   const auto& k = camera.model.pinhole();
   constexpr double kAside = 0.15, kSquare = 0.1;
-  if (!sequence.folder_camera.empty()) judge_name(sequence, camera, odd);
+  if (!sequence.folder_camera.empty()) judge_name(sequence, camera, warnings);
   if (std::abs(k.cx() / camera.width - 0.5) > kAside || std::abs(k.cy() / camera.height - 0.5) > kAside)
-    odd.push_back(fmt::format("the camera's centre ({:.1f}, {:.1f}) is far from the middle of {}x{}", k.cx(),
-                              k.cy(), camera.width, camera.height));
+    warnings.push_back(fmt::format("the camera's centre ({:.1f}, {:.1f}) is far from the middle of {}x{}",
+                                   k.cx(), k.cy(), camera.width, camera.height));
   if (std::abs(k.fx() / k.fy() - 1) > kSquare)
-    odd.push_back(fmt::format("the camera's fx {:.1f} and fy {:.1f} differ by {:.0f} %", k.fx(), k.fy(),
-                              100 * std::abs(k.fx() / k.fy() - 1)));
-  return odd;
+    warnings.push_back(fmt::format("the camera's fx {:.1f} and fy {:.1f} differ by {:.0f} %", k.fx(), k.fy(),
+                                   100 * std::abs(k.fx() / k.fy() - 1)));
+  return warnings;
 }
 
 }  // namespace dynslam::runtime

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What is odd about the times of a sequence before an image is looked at: units, and clocks that differ.
+// Warnings of the times of a sequence before an image is looked at: units, and clocks that differ.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -87,25 +87,25 @@ std::string what_fits(const std::vector<StampedPose<double>>& truth, const std::
 }  // namespace
 
 std::vector<std::string> time_doubts(const Sequence& sequence) {
-  std::vector<std::string> odd;
-  if (sequence.frames.empty()) return odd;
+  std::vector<std::string> warnings;
+  if (sequence.frames.empty()) return warnings;
   if (sequence.has_stamps) {
     if (std::string doubt = unit_doubt(sequence.colour_times); !doubt.empty())
-      odd.push_back(std::move(doubt));
+      warnings.push_back(std::move(doubt));
   }
   const auto& truth = sequence.groundtruth;
-  if (truth.empty()) return odd;
+  if (truth.empty()) return warnings;
   std::vector<double> images;
   for (const FrameRecord& frame : sequence.frames) images.push_back(frame.t_rgb);
   constexpr double kFew = 0.5;
   const double covered = inspect::covered_share(truth, images);
   if (covered < kFew)
-    odd.push_back(
+    warnings.push_back(
         fmt::format("the ground truth has a pose for {:.0f} % of the pairs; it is from {:.3f} to "
                     "{:.3f} s, they from {:.3f} to {:.3f} s: {}",
                     100 * covered, truth.front().t, truth.back().t, images.front(), images.back(),
                     what_fits(truth, images)));
-  return odd;
+  return warnings;
 }
 
 }  // namespace dynslam::runtime

@@ -121,16 +121,16 @@ class SizeCheck {
       other_ = *size;
     }
   }
-  void report(std::size_t of, std::vector<std::string>& odd) const {
+  void report(std::size_t of, std::vector<std::string>& warnings) const {
     const char* what = kind_ == Kind::colour ? "colour" : "depth";
     if (unreadable_ > 0)
-      odd.push_back(fmt::format("{} of {} {} images {}, the first {}", unreadable_, of, what,
-                                in_files_ ? "are missing or no image files" : "cannot be read",
-                                first_unreadable_.string()));
+      warnings.push_back(fmt::format("{} of {} {} images {}, the first {}", unreadable_, of, what,
+                                     in_files_ ? "are missing or no image files" : "cannot be read",
+                                     first_unreadable_.string()));
     if (others_ > 0)
-      odd.push_back(fmt::format("{} of {} {} images are not {}x{} as {}, the first {} ({}x{})", others_, of,
-                                what, expected_->width, expected_->height, "the camera's",
-                                first_other_.string(), other_.width, other_.height));
+      warnings.push_back(fmt::format("{} of {} {} images are not {}x{} as {}, the first {} ({}x{})", others_,
+                                     of, what, expected_->width, expected_->height, "the camera's",
+                                     first_other_.string(), other_.width, other_.height));
   }
 
  private:
@@ -154,7 +154,7 @@ std::optional<cv::Size> image_size(const FrameRecord& frame, Kind kind) {
 }
 
 std::vector<std::string> check_files(const Sequence& sequence, const CameraConfig* camera) {
-  std::vector<std::string> odd;
+  std::vector<std::string> warnings;
   std::optional<cv::Size> size;
   if (camera != nullptr) size = cv::Size(camera->width, camera->height);
   const cv::Size scaled = sequence.frames.front().colour_size;
@@ -172,12 +172,12 @@ std::vector<std::string> check_files(const Sequence& sequence, const CameraConfi
     depth_again += same_depth ? 1 : 0;
     before = &frame;
   }
-  colour.report(sequence.frames.size(), odd);
-  depth.report(sequence.frames.size(), odd);
+  colour.report(sequence.frames.size(), warnings);
+  depth.report(sequence.frames.size(), warnings);
   if (colour_again + depth_again > 0)
-    odd.push_back(fmt::format("{} colour and {} depth images are the one before once more, first at {}",
-                              colour_again, depth_again, first_again));
-  return odd;
+    warnings.push_back(fmt::format("{} colour and {} depth images are the one before once more, first at {}",
+                                   colour_again, depth_again, first_again));
+  return warnings;
 }
 
 }  // namespace dynslam::runtime::inspect

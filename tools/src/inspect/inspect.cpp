@@ -72,12 +72,13 @@ void measure_depth(const std::vector<Burst>& bursts, const CameraConfig& camera,
     report.depth_quantiles[k] = inspect::quantile(depths, kShares[k]);
   constexpr double kMany = 0.02, kSparse = 0.2;  // shares of the pixels
   if (!report.sequence.float_depth && static_cast<double>(largest) > kMany * static_cast<double>(pixels))
-    report.odd.push_back(
+    report.warnings.push_back(
         fmt::format("{:.0f} % of the depth pixels are 65535, which is no measurement: a camera file with "
                     "invalid_depth = 65535 says so",
                     100 * static_cast<double>(largest) / static_cast<double>(pixels)));
   if (report.depth_valid < kSparse)
-    report.odd.push_back(fmt::format("only {:.0f} % of the pixels have depth", 100 * report.depth_valid));
+    report.warnings.push_back(
+        fmt::format("only {:.0f} % of the pixels have depth", 100 * report.depth_valid));
 }
 
 void judge_scale(const CameraConfig& camera, SequenceReport& report) {
@@ -85,7 +86,7 @@ void judge_scale(const CameraConfig& camera, SequenceReport& report) {
   constexpr double kNearest = 0.1, kFarthest = 50;  // metres
   const double middle = report.depth_quantiles[2];
   if (middle > 0 && (middle < kNearest || middle > kFarthest))
-    report.odd.push_back(fmt::format(
+    report.warnings.push_back(fmt::format(
         "half of the depth is {} {:.3g} m: {}", middle < kNearest ? "below" : "beyond", middle,
         metres
             ? "it is stored as floats, which are metres"
@@ -94,12 +95,12 @@ void judge_scale(const CameraConfig& camera, SequenceReport& report) {
   constexpr double kScaleError = 0.2;
   // Where people fill the view, few motions can be measured, and these are not the camera's.
   if (2 * truth.agreeing < truth.motions && 2 * truth.motions >= truth.bursts)
-    report.odd.push_back(fmt::format(
+    report.warnings.push_back(fmt::format(
         "{} of {} motions measured in the images are not the ground truth's: other times, other axes "
         "or another camera",
         truth.motions - truth.agreeing, truth.motions));
   if (truth.scale && std::abs(*truth.scale - 1) > kScaleError)
-    report.odd.push_back(fmt::format(
+    report.warnings.push_back(fmt::format(
         "depth times {:.3f} is what the ground truth's motion asks for{}", *truth.scale,
         metres ? ": it is stored as floats, which are metres"
                : fmt::format(": about {:.0f} depth units per metre, not {}",
@@ -117,7 +118,7 @@ void judge_edges(const CameraConfig& camera, SequenceReport& report) {
   constexpr double kGain = 1.1;
   const double rate = report.stamps.colour_rate;
   if (edges.lag != 0 && edges.lag_gain > kGain) {
-    report.odd.push_back(fmt::format(
+    report.warnings.push_back(fmt::format(
         "depth comes {:.1f} frames {}{}: its edges fit the colour image {} frame{} {} {:.2f} times better{}",
         std::abs(edges.late), edges.lag > 0 ? "late" : "early",
         rate > 0 ? fmt::format(" ({:.0f} ms)", 1000 * std::abs(edges.late) / rate) : "", std::abs(edges.lag),
@@ -127,7 +128,7 @@ void judge_edges(const CameraConfig& camera, SequenceReport& report) {
   }
   constexpr double kShift = 0.01;  // of the width
   if (std::hypot(edges.shift_x, edges.shift_y) > kShift * camera.width && edges.shift_gain > kGain)
-    report.odd.push_back(
+    report.warnings.push_back(
         fmt::format("depth is not registered to colour: its edges fit best when moved by {:.0f} px to the "
                     "{} and {:.0f} px {}",
                     std::abs(edges.shift_x), edges.shift_x < 0 ? "left" : "right", std::abs(edges.shift_y),
@@ -143,20 +144,21 @@ void judge_stamps(double depth_offset, SequenceReport& report) {
   const bool edges_say = report.edges.measured && report.edges.lag != 0;
   if (report.sequence.has_stamps && depth_offset == 0 && !edges_say &&
       std::abs(s.delay_median) > kLate * interval && s.delay_spread < kSteady * interval)
-    report.odd.push_back(fmt::format("depth stamps are {:.1f} ms {} those of colour throughout{}",
-                                     1000 * std::abs(s.delay_median), s.delay_median > 0 ? "after" : "before",
-                                     ": if the images were taken at once" + offset_key(s.delay_median)));
+    report.warnings.push_back(fmt::format("depth stamps are {:.1f} ms {} those of colour throughout{}",
+                                          1000 * std::abs(s.delay_median),
+                                          s.delay_median > 0 ? "after" : "before",
+                                          ": if the images were taken at once" + offset_key(s.delay_median)));
   constexpr double kPaired = 0.8;
   if (static_cast<double>(s.pairs) < kPaired * static_cast<double>(s.colour_images))
-    report.odd.push_back(fmt::format("{} of {} colour images have no depth image{}",
-                                     s.colour_images - s.pairs, s.colour_images,
-                                     report.sequence.has_stamps ? " within 20 ms" : ""));
+    report.warnings.push_back(fmt::format("{} of {} colour images have no depth image{}",
+                                          s.colour_images - s.pairs, s.colour_images,
+                                          report.sequence.has_stamps ? " within 20 ms" : ""));
   if (s.gaps.empty()) return;
   const auto longest = std::max_element(s.gaps.begin(), s.gaps.end(),
                                         [](const auto& a, const auto& b) { return a.length < b.length; });
   std::size_t missing = 0;
   for (const auto& gap : s.gaps) missing += gap.missing;
-  report.odd.push_back(
+  report.warnings.push_back(
       fmt::format("{} gap{}: {} frames are missing; the longest is {:.3f} s, {:.3f} s after "
                   "the start",
                   s.gaps.size(), s.gaps.size() > 1 ? "s" : "", missing, longest->length, longest->t));
@@ -168,7 +170,7 @@ void judge_readout(const CameraConfig& camera, SequenceReport& report) {
   if (report.undecodable) return;
   Sequence part = report.sequence;
   part.frames.resize(std::min(part.frames.size(), kMost));
-  if (const auto doubt = readout_doubt(part, camera)) report.odd.push_back(*doubt);
+  if (const auto doubt = readout_doubt(part, camera)) report.warnings.push_back(*doubt);
 }
 
 std::string quoted(const std::string& text) {
@@ -204,7 +206,7 @@ CameraConfig any_camera(cv::Size size) {
 void find_camera(const InspectOptions& options, SequenceReport& report) {
   const Sequence& sequence = report.sequence;
   if (options.camera.empty() && sequence.camera_hint.empty() && !sequence.camera) {
-    report.odd.push_back("the camera is not known: give --camera, or put a camera.txt into the folder");
+    report.warnings.push_back("the camera is not known: give --camera, or put a camera.txt into the folder");
     return;
   }
   report.camera = camera_of(sequence, options.camera);
@@ -226,17 +228,18 @@ SequenceReport inspect_sequence(const fs::path& root, const InspectOptions& opti
   reading.camera = options.camera;
   report.sequence = load_sequence(root, reading);
   const Sequence& sequence = report.sequence;
-  report.odd = sequence.notes;
+  report.warnings = sequence.notes;
   find_camera(options, report);
   report.stamps = inspect::measure_stamps(sequence);
   report.colour_size =
       inspect::image_size(sequence.frames.front(), ImageSource::Kind::colour).value_or(cv::Size());
   report.depth_size =
       inspect::image_size(sequence.frames.front(), ImageSource::Kind::depth).value_or(cv::Size());
-  for (std::string& odd : inspect::check_files(sequence, report.camera ? &*report.camera : nullptr))
-    report.odd.push_back(std::move(odd));
+  for (std::string& warning : inspect::check_files(sequence, report.camera ? &*report.camera : nullptr))
+    report.warnings.push_back(std::move(warning));
   if (report.camera) {
-    for (std::string& odd : camera_doubts(sequence, *report.camera)) report.odd.push_back(std::move(odd));
+    for (std::string& warning : camera_doubts(sequence, *report.camera))
+      report.warnings.push_back(std::move(warning));
   }
   if (report.camera || !report.depth_size.empty()) {
     const CameraConfig camera = report.camera ? *report.camera : any_camera(report.depth_size);
@@ -244,8 +247,9 @@ SequenceReport inspect_sequence(const fs::path& root, const InspectOptions& opti
     const std::vector<Burst> bursts = take_bursts(sequence, camera, options, undecoded);
     measure_depth(bursts, camera, report);
     if (undecoded.count > 0)
-      report.odd.push_back(fmt::format("{} of {} frames looked at cannot be decoded, the first: {}",
-                                       undecoded.count, undecoded.count + report.sampled, undecoded.first));
+      report.warnings.push_back(fmt::format("{} of {} frames looked at cannot be decoded, the first: {}",
+                                            undecoded.count, undecoded.count + report.sampled,
+                                            undecoded.first));
     report.undecodable = report.sampled == 0;
     report.edges = inspect::measure_edges(bursts);
     report.truth = inspect::measure_truth(sequence, camera, bursts);
@@ -253,7 +257,7 @@ SequenceReport inspect_sequence(const fs::path& root, const InspectOptions& opti
     judge_edges(camera, report);
     if (report.camera) judge_readout(camera, report);
   }
-  for (std::string& odd : time_doubts(sequence)) report.odd.push_back(std::move(odd));
+  for (std::string& warning : time_doubts(sequence)) report.warnings.push_back(std::move(warning));
   judge_stamps(report.camera ? report.camera->depth_time_offset : 0, report);
   if (!report.undecodable) report.command = command_for(root, options, report);
   return report;

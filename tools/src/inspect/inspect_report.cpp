@@ -76,8 +76,8 @@ std::string to_text(const SequenceReport& r) {
   }
   row("edges", edges_text(r.edges));
   row("truth", truth_text(r));
-  if (r.odd.empty()) row("odd", "nothing");
-  for (std::size_t i = 0; i < r.odd.size(); ++i) row(i == 0 ? "odd" : "", r.odd[i]);
+  if (r.warnings.empty()) row("warnings", "none");
+  for (std::size_t i = 0; i < r.warnings.size(); ++i) row(i == 0 ? "warnings" : "", r.warnings[i]);
   row("run", r.command.empty() ? "not before its frames can be decoded" : r.command);
   return text;
 }
@@ -100,7 +100,7 @@ nlohmann::json to_json(const SequenceReport& r) {
       {"colour_size", size(r.colour_size)},
       {"depth_size", size(r.depth_size)},
       {"frames_sampled", r.sampled},
-      {"odd", r.odd},
+      {"warnings", r.warnings},
       {"command", r.command}};
   j["gaps"] = nlohmann::json::array();
   for (const auto& gap : s.gaps)

@@ -22,7 +22,7 @@ using Burst = std::vector<RgbdFrame>;
 /// Width and height by an image's head, without decoding it; nullopt where it cannot be read.
 [[nodiscard]] std::optional<cv::Size> image_size(const FrameRecord& frame, ImageSource::Kind kind);
 
-/// What is odd about the files: missing ones, sizes, pictures that repeat.
+/// Warnings of the files: missing ones, sizes, pictures that repeat.
 [[nodiscard]] std::vector<std::string> check_files(const Sequence& sequence, const CameraConfig* camera);
 
 /// Where depth edges meet colour edges, by shift (up to a twentieth of the width) and by frames (up to 5).

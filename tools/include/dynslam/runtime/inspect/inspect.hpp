@@ -63,7 +63,7 @@ struct SequenceReport {
   std::array<double, 5> depth_quantiles{};  ///< 5, 25, 50, 75, 95 % [m]
   EdgeReport edges;
   TruthReport truth;
-  std::vector<std::string> odd;  ///< one line each, in order of weight
+  std::vector<std::string> warnings;  ///< one line each, in order of weight
   bool undecodable = false;      ///< none of the frames looked at can be decoded
   std::string command;           ///< to run the sequence; empty where it cannot be
 };
@@ -76,14 +76,14 @@ struct InspectOptions {
   std::size_t burst = 12;  ///< frames in each
 };
 
-/// Looks at a sequence: what it is, and what is odd about it. Every oddity is measured on its files.
+/// Looks at a sequence: what it is, and warnings, each measured on its files.
 /// @throws InputError, UsageError  as load_sequence()
 [[nodiscard]] SequenceReport inspect_sequence(const std::filesystem::path& root,
                                               const InspectOptions& options = {});
-/// What is odd about the camera of a sequence, one line each: against the one that the name of the folder or
+/// Warnings of the camera of a sequence, one line each: against the one that the name of the folder or
 /// the bag speaks of, its centre, its focal lengths.
 [[nodiscard]] std::vector<std::string> camera_doubts(const Sequence& sequence, const CameraConfig& camera);
-/// What is odd about the times of a sequence, one line each: stamps that are no seconds, a ground truth of
+/// Warnings of the times of a sequence, one line each: stamps that are no seconds, a ground truth of
 /// other times, with what would make them fit.
 [[nodiscard]] std::vector<std::string> time_doubts(const Sequence& sequence);
 /// As `info --json` prints it.
