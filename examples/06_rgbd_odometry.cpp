@@ -199,7 +199,7 @@ class MaskedOdometry {
     return off_the_rim(still);
   }
 
-  [[nodiscard]] cv::Mat off_the_rim(const cv::Mat& still) const {  // of the movers
+  [[nodiscard]] cv::Mat off_the_rim(const cv::Mat& still) const {  // of the moving objects
     cv::Mat inner;
     cv::erode(still, inner, cv::getStructuringElement(cv::MORPH_RECT, {2 * rim_ + 1, 2 * rim_ + 1}));
     return inner;

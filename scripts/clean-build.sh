@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# What a newcomer does, on a Debian that has nothing but git: clones this repository's last commit into a bare root and
+# What a new user does, on a Debian that has nothing but git: clones this repository's last commit into a bare root and
 # runs commands of it there. Needs root, debootstrap and the network.
 #
 #   scripts/clean-build.sh [SUITE [COMMAND...]]     SUITE: bookworm; COMMAND...: the two of README.md

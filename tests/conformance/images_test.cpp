@@ -14,7 +14,7 @@ TEST_CASE_TEMPLATE("functions of images give the same on each kind of image", Ki
 
 namespace {
 
-/// A pyramid of somebody else, of images that are rows and nothing more.
+/// A pyramid of another project, of images that are rows and nothing more.
 struct OwnRows {
   using Pixel = float;
   const Image<float>* image = nullptr;

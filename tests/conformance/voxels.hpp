@@ -32,7 +32,7 @@
 
 namespace dynslam::test {
 
-/// A store of somebody else: a sorted list that keeps of each voxel what its owner likes.
+/// A store of another project: a sorted list that keeps of each voxel what its owner likes.
 class ListStore {
  public:
   using Key = VoxelKey;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A program of somebody else: every header of the core, and something computed with it.
+// A program of another project: every header of the core, and something computed with it.
 #include <dynslam/dynslam.hpp>
 
 #include <cmath>

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 #
 # Installs BUILD into a prefix below WORK, moves the prefix, and uses what is there: the program with an empty
-# environment (a rendered sequence, with the demo's network), and the library from a project of somebody else, which is
+# environment (a rendered sequence, with the demo's network), and the library from another project, which is
 # told what is missing where OpenCV is not found.
 cmake_minimum_required(VERSION 3.24)
 

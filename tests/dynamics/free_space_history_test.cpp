@@ -147,8 +147,9 @@ TEST_CASE_TEMPLATE("a belief in motion fades with time, however frames come, and
   }
 }
 
-TEST_CASE_TEMPLATE("a depth image taken half a frame beside its pose makes no movers of what stands still", S,
-                   float, double) {
+TEST_CASE_TEMPLATE(
+    "a depth image taken half a frame beside its pose makes no moving objects of what stands still", S, float,
+    double) {
   const auto seeds = [](double unknown) {
     Fixture<S> f;
     FreeSpaceOptions options;

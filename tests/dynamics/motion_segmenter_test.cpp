@@ -181,8 +181,9 @@ TEST_CASE("a correction of the map moves what is remembered with it") {
   }
 }
 
-TEST_CASE_TEMPLATE("depth images taken beside the grey ones make no movers, where the way between is told", S,
-                   float, double) {
+TEST_CASE_TEMPLATE(
+    "depth images taken beside the grey ones make no moving objects, where the way between is told", S, float,
+    double) {
   const Pinhole<S> camera(S(200), S(200), S(119.5), S(89.5));
   const auto at = [](double k) {
     return SE3<double>(SO3<double>::exp(Eigen::Vector3d(0, 0.3 * std::sin(0.2 * k), 0)),
@@ -190,7 +191,7 @@ TEST_CASE_TEMPLATE("depth images taken beside the grey ones make no movers, wher
   };
   const auto mean_share = [&](bool told) {
     MotionSegmenterOptions<S> options;
-    options.belief.free_space.depth_time_uncertainty = 0;  // what is left of it is for what nobody knows
+    options.belief.free_space.depth_time_uncertainty = 0;  // what is left of it is for what is unknown
     MotionSegmenter<S, Pinhole<S>> segmenter(camera, options);
     SceneRenderer<Pinhole<S>> grey(camera, kWidth, kHeight), depth(camera, kWidth, kHeight);
     const MovingScene scene;

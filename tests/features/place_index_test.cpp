@@ -97,7 +97,7 @@ TEST_CASE("the index counts what an exhaustive comparison counts") {
   }
 }
 
-TEST_CASE("features without a point are not indexed, those on movers have no vote") {
+TEST_CASE("features without a point are not indexed, those on moving objects have no vote") {
   Corners corners;
   PlaceIndex index;
   const auto shown = corners.draw(40);

@@ -46,7 +46,7 @@ TEST_CASE_TEMPLATE("a keyframe stands for a frame that is near it and shows its 
   FeatureFrame<S> turned = frame_of<S>(20, 250, S(0));
   turned.T_c_w = SE3<S>(SO3<S>::exp(Eigen::Matrix<S, 3, 1>(0, S(0.16), 0)), turned.T_c_w.translation());
   CHECK(covering(turned) == -1);
-  FeatureFrame<S> hidden = frame_of<S>(20, 250, S(0.05));  // by somebody who walks by
+  FeatureFrame<S> hidden = frame_of<S>(20, 250, S(0.05));  // by a person who walks by
   std::fill(hidden.dynamic.begin(), hidden.dynamic.begin() + 101, 1);
   CHECK(covering(hidden) == -1);
   (void)map.add_keyframe(frame_of<S>(0, 300, S(0)));

@@ -169,7 +169,7 @@ TEST_CASE_TEMPLATE("a keyframe that tells nothing new goes, and its pose follows
   CHECK(std::none_of(near.begin(), near.end(), [](const auto& n) { return n.second == 1; }));
 }
 
-TEST_CASE_TEMPLATE("points that are seldom found, or found on movers, are culled", S, float, double) {
+TEST_CASE_TEMPLATE("points that are seldom found, or found on moving objects, are culled", S, float, double) {
   struct Patch {
     int grey[4] = {};
   };

@@ -72,7 +72,7 @@ TEST_CASE_TEMPLATE("a loop closes on features in the pixels of any camera, such 
 
 TEST_CASE_TEMPLATE("a copy of a place elsewhere in the room is no loop", S, float, double) {
   test::RoundRoom<Pinhole<S>> room(pinhole<S>());
-  // What is on one side hangs on the other side, too: same pictures, same distances.
+  // What holds on one side holds on the other, too: same pictures, same distances.
   const auto half = room.points.size() / 2;
   const auto turn = SO3<S>::exp(Eigen::Matrix<S, 3, 1>(0, std::numbers::pi_v<S>, 0));
   for (std::size_t j = 0; j < half; ++j) {

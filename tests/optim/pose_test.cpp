@@ -173,7 +173,8 @@ TEST_CASE("bad input has its own status each") {
   CHECK_FALSE(optimize_pose<double>(test::kFreiburg3, observations, true_pose(), {}, kernel, workspace).ok());
 }
 
-TEST_CASE("pixel noise that was stated four times too large is noticed: movers nearby are outliers again") {
+TEST_CASE(
+    "pixel noise that was stated four times too large is noticed: moving objects nearby are outliers again") {
   test::Rng rng("pixel scale");
   auto observations = observe<double>(rng, 300, 0, 0.25, 0.01);
   for (auto& o : observations) o.inv_sigma_px2 = 1;  // true: 16

@@ -170,7 +170,7 @@ TEST_CASE("the turn is the one for which observations brought to the middle row 
   CHECK(cost_of(Eigen::Vector3d::Zero()) > 1.5 * least);
 }
 
-TEST_CASE_TEMPLATE("movers are told from what a turn shears", S, float, double) {
+TEST_CASE_TEMPLATE("moving objects are told from what a turn shears", S, float, double) {
   RollingSights<S> sights(kShearingTurn);
   for (std::size_t i = 0; i < 60; ++i) sights.observations[5 * i].x.x() += S(9);
   const auto result = sights.rolling({.sigma = S(0.05)});

@@ -164,7 +164,7 @@ TEST_CASE("a map beyond its memory ends with a line that says what to do") {
                        InputError);
 }
 
-TEST_CASE("synth refuses a folder with somebody else's sequence, and makes its own again") {
+TEST_CASE("synth refuses a folder with another program's sequence, and makes its own again") {
   const test::TumFixture real(2);
   const std::string truth = bytes(real.path / "groundtruth.txt");
   SynthOptions o;

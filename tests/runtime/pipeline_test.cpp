@@ -49,7 +49,8 @@ TEST_CASE("synthetic sequences are the same bytes for the same seed and differ w
   CHECK_THROWS_AS(synthesize(o, a.path), UsageError);
 }
 
-TEST_CASE("synthetic ground truth, depth and masks agree: static surfaces reproject, movers are masked") {
+TEST_CASE(
+    "synthetic ground truth, depth and masks agree: static surfaces reproject, moving objects are masked") {
   const Sequence sequence = load_sequence(walking());
   const CameraConfig camera = load_camera(sequence.camera_hint);
   const RgbdFrame a = decode_frame(sequence.frames[0], 0, camera),
@@ -69,7 +70,7 @@ TEST_CASE("synthetic ground truth, depth and masks agree: static surfaces reproj
       if (!x || x->x() < 0 || x->y() < 0 || x->x() > 639 || x->y() > 479) continue;
       const double d =
           static_cast<double>(b.depth.at<float>(static_cast<int>(x->y()), static_cast<int>(x->x())));
-      if (!(d > p.z() - 0.3)) continue;  // hidden by somebody by then
+      if (!(d > p.z() - 0.3)) continue;  // hidden by a person by then
       ++compared;
       agree += std::abs(d - p.z()) < 0.03 + 0.01 * p.z() * p.z() ? 1 : 0;
     }

@@ -135,7 +135,7 @@ TEST_CASE("a crowd walks on the floor in view of every gentle path: soles and fl
       }
     }
     CHECK(feet >= 3 * 14);             // two walkers and one with a chair, of whom one may turn at the rim
-    CHECK(on_floor >= feet * 9 / 10);  // a chair or somebody else may hide the foot that stands
+    CHECK(on_floor >= feet * 9 / 10);  // a chair or another person may hide the foot that stands
   }
 }
 

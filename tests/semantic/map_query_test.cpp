@@ -19,7 +19,7 @@ using namespace dynslam;
 
 namespace {
 
-/// A store of somebody else: a sorted list of voxels with heights, and nothing that VoxelMap does not name.
+/// A store of another project: a sorted list of voxels with heights, and nothing that VoxelMap does not name.
 class ListMap {
  public:
   using Key = VoxelKey;

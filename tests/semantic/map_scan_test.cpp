@@ -102,7 +102,7 @@ TEST_CASE_TEMPLATE("a scan keeps depth, label and colour of the surfaces, and gi
   CHECK(blocks == 36 * 36);
 }
 
-TEST_CASE_TEMPLATE("movers are no surface, the way to them is free", S, float, double) {
+TEST_CASE_TEMPLATE("moving objects are no surface, the way to them is free", S, float, double) {
   const MapScanner<S> scanner(Pinhole<S>(S(100), S(100), S(80), S(60)), 160, 120);
   const Image<std::uint8_t> none;
   const Scene person(1);

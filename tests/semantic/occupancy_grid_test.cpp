@@ -71,7 +71,7 @@ TEST_CASE("a grid tells walls, free ground and what nobody has seen, whichever w
     CHECK(grid.corner.y() == doctest::Approx(0).epsilon(0.11));
     CHECK(grid.cells.width() * grid.cell == doctest::Approx(3).epsilon(0.08));
     CHECK(grid.cells.height() * grid.cell == doctest::Approx(2).epsilon(0.12));
-    // Everything is an obstacle unless somebody says otherwise; or chairs alone are.
+    // Everything is an obstacle unless the options say otherwise; or chairs alone are.
     CHECK(state_at(occupancy_grid(map, T), 0.55, 1.55) == Occupancy::occupied);
     const auto chairs =
         occupancy_grid(map, T, {}, [](const MapVoxel& voxel) { return voxel.label == kChair; });

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What X11/X.h, Xlib.h, Xutil.h, windows.h and complex.h leave behind: plain words as macros (own list; what begins with
-// X, Button or GC, and what ends in Mask or Notify, is no word that somebody else would take).
+// What X11/X.h, Xlib.h, Xutil.h, windows.h and complex.h leave behind: plain words as macros (own list; what
+// begins with X, Button or GC, and what ends in Mask or Notify, is no word that another project would take).
 #pragma once
 
 // Xlib.h

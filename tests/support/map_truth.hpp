@@ -39,7 +39,7 @@ struct MapScore {
   std::size_t observed = 0;      ///< static surface voxels that an exact camera saw
   std::size_t found = 0;         ///< of these: occupied in the map
   std::size_t found_near = 0;    ///< of these: it or one that shares a face is occupied
-  std::size_t in_swept = 0;      ///< occupied voxels where movers have been and no static surface is near
+  std::size_t in_swept = 0;  ///< occupied voxels where moving objects have been and no static surface is near
   std::array<std::size_t, 4> truth_of{},
       right_of{};  ///< per class: occupied voxels of it, of these labelled so
   std::array<std::size_t, 4> said_of{},
@@ -84,7 +84,7 @@ class MapTruth {
       });
     }
   }
-  /// Where the movers of an instant are, and what an exact camera sees.
+  /// Where the moving objects of an instant are, and what an exact camera sees.
   void add_instant(std::span<const runtime::synth::Triangle> triangles,
                    const runtime::synth::Rendering& exact, const Pinhole<double>& camera,
                    const SE3<double>& T_w_c, double max_range) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A program of somebody's that knows OctoMap and one header of dynslam: OctoMap's own functions read the map
-// and answer.
+// A program of another project that knows OctoMap and one header of dynslam: OctoMap's own functions read the
+// map and answer.
 //
 //   semantic_map_reader FILE    type, resolution and nodes, a line per occupied leaf (key, depth, label,
 //   colour), and

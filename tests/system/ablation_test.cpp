@@ -32,7 +32,8 @@ double ate_of(const fs::path& out, const fs::path& sequence) {
 }  // namespace
 
 TEST_CASE(
-    "movers ruin the baseline; both cuts its error to a tenth, and geometry alone finds the carried box") {
+    "moving objects ruin the baseline; both cuts its error to a tenth, and geometry alone finds the carried "
+    "box") {
   const test::TemporaryFolder sequence, out;
   SynthOptions synth;  // what the demo shows, a box carried past the camera included
   synth.frames = kFrames;
@@ -63,7 +64,8 @@ TEST_CASE(
   CHECK(evaluate_masks(out.path / "geometric" / "masks", sequence.path / "dynamic_mask").iou > 0.5);
 }
 
-TEST_CASE("without movers and masks the modes of an ablation give the same poses; those of run need not") {
+TEST_CASE(
+    "without moving objects and masks the modes of an ablation give the same poses; those of run need not") {
   // What an ablation compares are masks: where there are none, nothing else may tell its modes apart.
   const test::WalkingSequence sequence(25);
   const test::TemporaryFolder masks, out;

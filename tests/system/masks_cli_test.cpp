@@ -21,7 +21,7 @@ using test::call, test::check_one_line_error, test::shell, test::ProgramResult;
 
 namespace {
 
-/// 12 frames in which somebody walks, and the masks of `dynslam run`.
+/// 12 frames in which a person walks, and the masks of `dynslam run`.
 struct Walking : test::TemporaryFolder {
   std::filesystem::path sequence = path / "sequence", run = path / "run";
   std::vector<std::filesystem::path> masks;  // in order of time

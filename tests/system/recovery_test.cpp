@@ -38,7 +38,7 @@ TEST_CASE("two runs give identical trajectories, masks and maps, with the machin
   for (const char* name : {"a", "b"}) {
     RunOptions o = options_for(two_seconds(), out.path / name, DynamicsMode::both);
     o.max_frames = 30;
-    // The second run shares every core with somebody else: what waits for what must not matter.
+    // The second run shares every core with other processes: what waits for what must not matter.
     std::atomic<bool> done{false};
     std::vector<std::jthread> load;
     if (o.out == out.path / "b") {

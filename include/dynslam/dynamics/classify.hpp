@@ -12,7 +12,7 @@
 
 namespace dynslam {
 
-/// A keypoint is dynamic when its static weight is below tau (paper, step 8). NaN counts as dynamic:
+/// A keypoint is dynamic when its static weight is below tau (paper, Eq 7). NaN counts as dynamic:
 /// what cannot be judged must not be trusted.
 template <std::floating_point S>
 [[nodiscard]] constexpr bool is_dynamic(S weight, S tau) {

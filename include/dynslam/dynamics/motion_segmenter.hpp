@@ -64,7 +64,7 @@ class MotionSegmenter {
   [[nodiscard]] const Options& options() const { return options_; }
 
   /// The camera's motion from the next frame's grey image to its depth image, where they are not taken at
-  /// once: in a fast turn, 20 ms make the whole room stand elsewhere. Nullopt: at once, or nobody knows.
+  /// once: in a fast turn, 20 ms make the whole room stand elsewhere. Nullopt: at once, or it is unknown.
   void set_depth_motion(const std::optional<SE3<S>>& T_depth_c) { T_depth_c_ = T_depth_c; }
 
   /// How the camera moves while the next frame's rows are read, colour and depth; poses are the middle row's.

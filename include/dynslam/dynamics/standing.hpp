@@ -13,7 +13,7 @@
 namespace dynslam {
 
 /// Marks (255) what is static wherever that is known, whoever it belongs to: a wall that is called a
-/// person, what a mask shows that is late or beside what it means, the legs of somebody who turns the head.
+/// person, what a mask shows that is late or beside what it means, the legs of a person who turns the head.
 /// @param moving    nonzero = seen to move, with a margin
 /// @param verified  verified(u, v) -> bool: the surface at a pixel was seen in the same place long before
 /// @param stride    pixels: `verified` is asked once per stride x stride of them, in their middle

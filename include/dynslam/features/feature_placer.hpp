@@ -72,7 +72,7 @@ class FeaturePlacer {
   }
 
   /// The camera's motion from the colour image to the depth image, which are taken one after the other;
-  /// nullopt: at once, or nobody knows.
+  /// nullopt: at once, or it is unknown.
   void set_depth_motion(const std::optional<SE3<S>>& T_depth_c) { T_depth_c_ = T_depth_c; }
 
   /// How the camera moves while the colour image's rows are read. Depth is read alike, row by row, the

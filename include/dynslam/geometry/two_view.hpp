@@ -120,7 +120,8 @@ template <std::same_as<double> W = double>
 /// where at least `min_off_plane` of its inliers contradict H. Scores of the whole set (GRIC, Torr 1998, or
 /// ORB-SLAM's ratio) weigh outliers, too, to which F, having one constraint less, is always kinder: at 40 %
 /// outliers GRIC takes F for planes. Among inliers alone GRIC's preference turns at a fifth off the plane;
-/// a tenth is taken here, as F, if wrong, only misses movers, while H, if wrong, accuses static points.
+/// a tenth is taken here, as F, if wrong, only misses moving objects, while H, if wrong, accuses static
+/// points.
 /// @param camera  any with a derivative
 /// @param x, x_m  recorded pixels of the matches in the reference and the current image
 template <DifferentiableCamera C>

@@ -25,7 +25,7 @@ struct CoverageOptions {
 };
 
 /// The keyframe that stands for a frame: near it, with most points in common (ties: newer).
-/// @param frame  tracked: its matches are points of the map, those on movers are not counted
+/// @param frame  tracked: its matches are points of the map, those on moving objects are not counted
 /// @param votes  scratch memory
 /// @return its id; -1: the frame shows what no keyframe does
 template <std::floating_point S, class Patch>

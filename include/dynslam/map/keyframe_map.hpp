@@ -48,7 +48,7 @@ template <Scalar S = double>
 struct Keyframe {
   int id = 0;
   FeatureFrame<S> frame;
-  int parent = -1;    ///< of a culled keyframe: the one that its pose hangs on
+  int parent = -1;    ///< of a culled keyframe: the one that its pose is stored relative to
   SE3<S> T_c_parent;  ///< and its place beside that one
   [[nodiscard]] bool culled() const { return parent >= 0; }
 };
@@ -57,7 +57,7 @@ struct Keyframe {
 struct PointCulling {
   int trial = 12;                 ///< frames that a point is given, in which it should have been seen
   double min_found = 0.25;        ///< of these: found less often it is not where it is said to be
-  int on_mover = 3;               ///< matches on movers from which a point is doubted
+  int on_mover = 3;               ///< matches on moving objects from which a point is doubted
   double max_mover_share = 0.50;  ///< of its matches: with more it belongs to a mover
 };
 
@@ -316,8 +316,8 @@ class KeyframeMap {
   }
 
   /// Removes keyframes whose points `share` or more are seen by at least `witnesses` others; the pose of each
-  /// hangs on the keyframe that shares most points with it from then on. Tries those that share points with
-  /// `newest`, except the first one and the last `spare`. @return the culled ids
+  /// is stored relative to the keyframe that shares most points with it from then on. Tries those that share
+  /// points with `newest`, except the first one and the last `spare`. @return the culled ids
   std::vector<int> cull_keyframes(int newest, double share, int spare, int witnesses = 3) {
     std::vector<int> culled;
     std::vector<std::pair<int, int>> tried;

@@ -243,7 +243,7 @@ class LocalMatcher {
   [[nodiscard]] static Matrix3 turn(const Map& map, int keyframe, const SE3<S>& T_c_w) {
     return (T_c_w.so3() * map.pose(keyframe).so3().inverse()).matrix();
   }
-  /// The same, made once per keyframe and frame: the pose of a dropped one hangs on others.
+  /// The same, made once per keyframe and frame: the pose of a dropped one is stored relative to others.
   template <class Map>
   [[nodiscard]] const Matrix3& turn_from(const Map& map, int keyframe, const SE3<S>& T_c_w) {
     Turn& known = turns_[static_cast<std::size_t>(keyframe)];

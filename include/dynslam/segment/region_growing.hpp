@@ -151,7 +151,7 @@ RegionGrowingResult grow_regions(const D& depth, const Barrier& barrier, std::sp
 }
 }  // namespace detail
 
-/// Grows regions on a depth image from seeds (paper, step 9). A region is everything connected to a
+/// Grows regions on a depth image from seeds (paper, Sec. 3.3). A region is everything connected to a
 /// seed by steps the criterion allows, through valid depth and outside the barrier; regions that meet
 /// are one. A leaked or small region is dropped whole, its seeds included, and so are the largest ones when
 /// all together are too much.

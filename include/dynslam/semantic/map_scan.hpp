@@ -171,8 +171,8 @@ class MapScanner {
     }
 
     /// The voxels that a scan hits and passes. Rays end some standard deviations before the surface, those
-    /// towards movers and beyond the range too; far surfaces count less. Rays out of the grid end at its
-    /// border. `out` is cleared and finished.
+    /// towards moving objects and beyond the range too; far surfaces count less. Rays out of the grid end at
+    /// its border. `out` is cleared and finished.
     /// @param out  ScanVoxels, or what offers the same to write
     template <int Labels, std::floating_point T, class Voxels>
     void gather(const MapScan<Labels>& scan, const SE3<T>& T_w_c, Voxels& out) const {

@@ -46,7 +46,7 @@ int whole(float distance) {
   return -((cvRound(-1024.0 * static_cast<double>(distance)) + 512) >> 10);
 }
 
-/// Whether somebody else refers to the same memory.
+/// Whether another matrix refers to the same memory.
 bool shared(const std::vector<cv::Mat>& images) {
   return std::any_of(images.begin(), images.end(),
                      [](const cv::Mat& m) { return m.u != nullptr && m.u->refcount > 1; });

@@ -16,7 +16,7 @@ class FrameLocator {
   /// Without another mask than the frame has. @return whether there is a pose
   bool locate(LocalMap& map, const LastFrame<double>& last, LastImages& images, PoseSolver& solver,
               FrameState& now);
-  /// A mask that leaves little is wrong, or somebody stands right before the camera. The pose is then
+  /// A mask that leaves little is wrong, or a person stands right before the camera. The pose is then
   /// searched for on what it leaves and on all that there is. The mask goes where it leaves no pose, or hides
   /// much that moves as the rest does; and where what it leaves has led farther from where the camera was
   /// going.

@@ -14,7 +14,7 @@ namespace dynslam::runtime {
 /// Options of MotionDetection.
 struct MotionDetectionOptions {
   MotionSegmenterOptions<double> segmenter;
-  int reference_distance = 5;  ///< keyframes between the present one and the reference (paper, step 4)
+  int reference_distance = 5;  ///< keyframes between the present one and the reference (paper, Sec. 3.2)
   int margin = 6;              ///< pixels around what moves in which features are not used
 };
 

@@ -10,15 +10,16 @@
 namespace dynslam::runtime {
 namespace {
 
-constexpr int kMaskMargin = 7;     // pixels around movers that never become map
+constexpr int kMaskMargin = 7;     // pixels around moving objects that never become map
 constexpr double kRange = 3.0;     // metres at which a turn of a keyframe is judged
 constexpr double kWorthIt = 0.25;  // of a voxel: a surface's shift for which the octree is made again
 
 }  // namespace
 
-RunMap::RunMap(const CameraConfig& camera, const SemanticMapperOptions& options, SemanticMapper::Told told)
+RunMap::RunMap(const CameraConfig& camera, const SemanticMapperOptions& options,
+               SemanticMapper::MapCallback callback)
     : resolution_(options.resolution),
-      mapper_(camera.model, camera.width, camera.height, options, std::move(told)),
+      mapper_(camera.model, camera.width, camera.height, options, std::move(callback)),
       margin_(cv::getStructuringElement(cv::MORPH_RECT, {2 * kMaskMargin + 1, 2 * kMaskMargin + 1})) {}
 
 void RunMap::load(const std::filesystem::path& folder, const ScanOwner& owner) {

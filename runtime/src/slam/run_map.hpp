@@ -22,8 +22,9 @@ namespace dynslam::runtime {
 /// for final poses would be late by as much as a robot drives in a loop.
 class RunMap {
  public:
-  /// @param told  see SemanticMapper
-  RunMap(const CameraConfig& camera, const SemanticMapperOptions& options, SemanticMapper::Told told = {});
+  /// @param callback  see SemanticMapper
+  RunMap(const CameraConfig& camera, const SemanticMapperOptions& options,
+         SemanticMapper::MapCallback callback = {});
 
   /// Starts from the scans of an earlier run's folder, where it has some. @throws InputError
   void load(const std::filesystem::path& folder, const ScanOwner& owner);

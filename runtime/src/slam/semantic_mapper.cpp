@@ -34,14 +34,14 @@ const SemanticMapperOptions& checked(const SemanticMapperOptions& options, int w
 }  // namespace
 
 SemanticMapper::SemanticMapper(const AnyCamera<double>& camera, int width, int height,
-                               const SemanticMapperOptions& options, Told told)
+                               const SemanticMapperOptions& options, MapCallback callback)
     : options_(checked(options, width, height)),
       camera_(camera.cast<float>()),
       size_(width, height),
       scanner_(camera, width, height, options.scan),
       tree_(options.resolution),
       voxels_(tree_.grid()),
-      told_(std::move(told)),
+      callback_(std::move(callback)),
       queue_(options.queue) {
   interop::set_parameters(tree_, options_.occupancy);
   thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
@@ -105,9 +105,9 @@ void SemanticMapper::fuse_next() {
   tree_.integrate(voxels_);
   ++fused_;
   check_size();
-  if (told_ && fused_ >= std::min(told_scans_, scans_.size())) {
-    told_scans_ = fused_;
-    told_(tree_);
+  if (callback_ && fused_ >= std::min(announced_scans_, scans_.size())) {
+    announced_scans_ = fused_;
+    callback_(tree_);
   }
   if (!behind() && !options_.retain_scans) {
     scans_.clear();

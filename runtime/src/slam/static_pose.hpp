@@ -18,7 +18,7 @@ struct StaticPoseOptions {
   int margin = 6;              ///< pixels around an a-priori mask in which features are not used
 };
 
-/// The pose of a tracked frame on what the fused mask leaves (paper, step 10), or on what is left by that
+/// The pose of a tracked frame on what the fused mask leaves, or on what is left by that
 /// part of it which can be trusted; and what that means for the map's points.
 class StaticPose {
  public:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A program of somebody else: frames in memory. Usage: consumer SEQUENCE
+// A program of another project: frames in memory. Usage: consumer SEQUENCE
 #include <dynslam/runtime/io/tum_reader.hpp>
 #include <dynslam/runtime/slam.hpp>
 #include <opencv2/imgcodecs.hpp>

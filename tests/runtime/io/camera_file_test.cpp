@@ -221,7 +221,7 @@ TEST_CASE("what is wrong with a calibration file is said in one line, with its p
   CHECK(camera_error("<opencv_storage>\n<a>1") == "c:2: <a> is not closed");
   CHECK(camera_error("<opencv_storage>\n<a") == "c:2: '>' is missing behind this");
   CHECK(camera_error("<opencv_storage></opencv_storage>") == "c: 'camera_matrix' (or 'K') is missing");
-  // However deep somebody nests, the stack does not grow.
+  // However deep values are nested, the stack does not grow.
   std::string deep = "<opencv_storage>", indented;
   for (int k = 0; k < 100000; ++k) deep += "<a>";
   for (std::size_t k = 0; k < 50; ++k) indented += std::string(k, ' ') + "a:\n";

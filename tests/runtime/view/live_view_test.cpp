@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A run that somebody looks at.
+// A run that is watched.
 #include "dynslam/runtime/view/live_view.hpp"
 
 #include <doctest/doctest.h>
@@ -64,7 +64,7 @@ struct Looked {
   RunSummary summary;
 };
 
-/// Runs with somebody looking. @param each  called with each frame before the view gets it
+/// Runs while it is watched. @param each  called with each frame before the view gets it
 void run_looked_at(Looked& looked, const RunOptions& options, const std::atomic<bool>& stop = kNeverStop,
                    const std::function<void(const WatchedFrame&)>& each = {}) {
   looked.view.emplace(looked.screen, options, stop);

@@ -77,7 +77,7 @@ Foot foot_of(double steps, double side, double step, double swing) {
   return {step * (s - 0.5), 0.08 * std::sin(std::numbers::pi * s) * swing};
 }
 
-/// @param drop  how much lower the hip is than that of somebody who stands [m]
+/// @param drop  how much lower the hip is than that of a person who stands [m]
 Leg standing_leg(const Foot& foot, double side, double drop) {
   const Vector3d hip(0, 0.09 * side, kHip);
   Vector3d ankle(foot.ahead, hip.y(), kSole + foot.lift + drop);

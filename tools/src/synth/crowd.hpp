@@ -12,7 +12,7 @@
 
 namespace dynslam::runtime::synth {
 
-/// Where somebody stands at an instant; between two stops one moves smoothly.
+/// Where a person stands at an instant; between two stops one moves smoothly.
 struct Stop {
   double t;        ///< s after the begin of the round
   double x;        ///< m

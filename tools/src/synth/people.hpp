@@ -44,7 +44,7 @@ struct Walker {
 
 /// @param k  the how manieth
 [[nodiscard]] Looks make_looks(Random& random, const Textures& textures, int k, std::uint16_t instance);
-/// Appends somebody who stands or walks. @param T  from the frame of the posture to the world, with the scale
+/// Appends a person who stands or walks. @param T  from the frame of the posture to the world, with the scale
 void add_person(std::vector<Triangle>& out, const Textures& textures, const Looks& looks,
                 const Eigen::Affine3d& T, const Posture& posture);
 /// An arm that hangs, `angle` radians before the body. @param side  -1 right, 1 left
@@ -55,7 +55,7 @@ void add_person(std::vector<Triangle>& out, const Textures& textures, const Look
                                  bool carries);
 /// Appends a walker `t` seconds after the start.
 void add_walker(std::vector<Triangle>& out, const Textures& textures, const Walker& walker, double t);
-/// Appends somebody on a chair at (x, y), who moves as little as one does there.
+/// Appends a person on a chair at (x, y), who moves as little as one does there.
 void add_sitter(std::vector<Triangle>& out, const Textures& textures, double x, double y,
                 std::uint16_t instance, double t);
 

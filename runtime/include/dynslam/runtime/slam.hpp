@@ -42,9 +42,9 @@ struct SlamOptions {
   NewMapOptions new_map;         ///< what a loss that lasts begins
   TrajectoryOptions trajectory;  ///< how trajectory() is smoothed
   SlamEvents events{};           ///< functions to be called: keyframes, loops, adjustments, lost, found
-  /// Told of the octree as it grows, on the octree's own thread, which waits for it: the only way to look at
-  /// it before finish(). See SemanticMapper.
-  SemanticMapper::Told mapped{};
+  /// Called with the octree as it grows, on the octree's own thread, which waits for it: the only way to look
+  /// at it before finish(). See SemanticMapper.
+  SemanticMapper::MapCallback mapped{};
 };
 
 /// Poses in a map that was begun while the camera was lost and has not been joined to the main one.
@@ -115,7 +115,7 @@ class Slam {
   /// with a `readout_time` is then tracked without the search for turns within a frame, which would explain
   /// the same. Call it before the first frame.
   void measure_readout();
-  /// What they told, see ReadoutMeasurement; empty without measure_readout().
+  /// What they measured, see ReadoutMeasurement; empty without measure_readout().
   [[nodiscard]] const std::optional<ReadoutMeasurement<double>>& readout() const;
 
   /// What the geometry found in the frame that track() had last: its mask, and keypoints with their static

@@ -75,7 +75,7 @@ class AtomicFile::Buffer : public std::streambuf {
 
 AtomicFile::AtomicFile(fs::path path) : path_(std::move(path)), stream_(nullptr) {
   int file = -1;
-  do {  // the name was free a moment ago; where somebody was faster, another one
+  do {  // the name was free a moment ago; where another process was faster, another one
     temporary_ = unused_name_beside(path_, "tmp");
     file = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
   } while (file < 0 && (errno == EEXIST || errno == EINTR));

@@ -20,7 +20,7 @@ namespace dynslam::runtime {
 std::string read_file(const std::filesystem::path& path, std::uint64_t limit) {
   const auto refuse = [&](const std::string& reason) { return InputError(path.string(), 0, reason); };
   const auto system = [](int error) { return std::generic_category().message(error); };
-  // Not to wait for somebody who writes to a pipe: what is none reads the same.
+  // Not to wait for a process that writes to a pipe: what is none reads the same.
   const FileHandle file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!file) throw refuse(errno == ENOENT ? "cannot be opened" : "cannot be opened: " + system(errno));
   struct stat status {};

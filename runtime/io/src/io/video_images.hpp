@@ -25,7 +25,7 @@ struct VideoDepth {
 class VideoImages : public ImageSource {
  public:
   /// @param depth  of the video's frames 0, 1, ...; a frame without depth has an empty name
-  /// @param size   of the images handed out [px]
+  /// @param size   of the images returned [px]
   VideoImages(std::filesystem::path video, std::vector<VideoDepth> depth, cv::Size size);
   ~VideoImages() override;
   /// Of a video's frames as they are stored [px]. @throws InputError where it cannot be opened, or this
@@ -46,7 +46,7 @@ class VideoImages : public ImageSource {
   mutable std::mutex mutex_;  // of what follows: a video is read in order
   std::unique_ptr<Video> video_;
   mutable std::deque<std::pair<std::size_t, cv::Mat>>
-      latest_;  // frames handed out, for who compares neighbours
+      latest_;  // frames returned, for those who compare neighbours
 };
 
 }  // namespace dynslam::runtime

@@ -99,7 +99,7 @@ struct ConfigSections {
 std::vector<std::string> read_config(std::istream& in, const std::string& file, ConfigFields& fields,
                                      const ConfigSections& others = {});
 
-/// The candidate that somebody who typed `word` most likely meant; empty where none is near.
+/// The candidate that a user who typed `word` most likely meant; empty where none is near.
 [[nodiscard]] std::string nearest_name(const std::string& word, const std::vector<std::string>& candidates);
 
 }  // namespace dynslam::runtime

@@ -22,7 +22,7 @@ enum class DynamicsMode { none, semantic, geometric, both };
 [[nodiscard]] constexpr bool uses_semantic(DynamicsMode m) {
   return m == DynamicsMode::semantic || m == DynamicsMode::both;
 }
-/// Whether a mode finds movers by their motion.
+/// Whether a mode finds moving objects by their motion.
 [[nodiscard]] constexpr bool uses_geometry(DynamicsMode m) {
   return m == DynamicsMode::geometric || m == DynamicsMode::both;
 }
@@ -83,7 +83,7 @@ static_assert(sizeof(Additions) == kAdditions.size() * sizeof(bool) &&
 
 /// What a run of a method and mode takes: nothing with the paper's, and with `none`, which is the baseline.
 /// `proven_points` is taken by no mode of itself: with twenty keyframes adjusted together the points that it
-/// leaves out are worth more than the few movers among them (docs/method.md).
+/// leaves out are worth more than the few moving objects among them (docs/method.md).
 [[nodiscard]] constexpr Additions additions(MotionMethod method, DynamicsMode mode) {
   if (method == MotionMethod::paper || mode == DynamicsMode::none) return Additions::none();
   Additions result = Additions::all();

@@ -72,7 +72,7 @@ struct MapKeyframe {
   std::optional<LabelledView> earlier = {};  ///< gives labels to pixels that have none of their own
 };
 
-/// Fuses keyframes into a semantic octree on a thread of its own (paper, step 11; Eqs 9 to 12).
+/// Fuses keyframes into a semantic octree on a thread of its own (paper, Eqs 9 to 12).
 ///
 /// Per keyframe each voxel is updated once, occupied before free; people (Label::person) and masked pixels
 /// are never occupied, but the way to them is free. The result depends on the keyframes, the poses and their
@@ -83,13 +83,14 @@ struct MapKeyframe {
 /// the rebuilding over. So the caller waits for the fusion of one scan at most, not for that of a map.
 class SemanticMapper {
  public:
-  /// Told of the tree on the mapper's thread, whose time it takes, and which goes on when it returns.
-  using Told = std::function<void(const interop::SemanticOcTree&)>;
+  /// Called with the tree on the mapper's thread, whose time it takes, and which goes on when it returns.
+  using MapCallback = std::function<void(const interop::SemanticOcTree&)>;
 
-  /// @param told  called when a scan has been fused, but for those of a tree that is rebuilt, until it has all
+  /// @param callback  called when a scan has been fused, but for those of a tree that is rebuilt, until it
+  /// has all
   ///              that it had before; what it throws ends the mapping
   SemanticMapper(const AnyCamera<double>& camera, int width, int height, const SemanticMapperOptions& options,
-                 Told told = {});
+                 MapCallback callback = {});
 
   /// Queues a keyframe; the images are shared, not copied, and must not be changed afterwards.
   /// Blocks while the queue is full; without retained scans until earlier ones are fused.
@@ -163,8 +164,8 @@ class SemanticMapper {
   Scans scans_;            // in their order; those that are fused are kept where they are retained
   std::size_t fused_ = 0;  // of them, in the tree
   int session_ = 0;        // of new scans
-  Told told_;
-  std::size_t told_scans_ = 0;  // in the tree when it was told of last
+  MapCallback callback_;
+  std::size_t announced_scans_ = 0;  // in the tree at the last call of callback_
 
   BoundedQueue<Job> queue_;
   std::jthread thread_;  // last: it uses all of the above

@@ -58,7 +58,7 @@ struct TrackerOptions {
   PlaceOptions relocalisation;
   double redundant_keyframe = 0.9;  ///< of its points seen by three others: a keyframe goes
   int spare_keyframes = 5;          ///< newest keyframes, which never go
-  int reference_distance = 5;       ///< keyframes between the present one and the reference (paper, step 4)
+  int reference_distance = 5;       ///< keyframes between the present one and the reference (paper, Sec. 3.2)
 };
 
 }  // namespace dynslam::runtime

@@ -126,7 +126,7 @@ void Db3File::open(const std::string& uri) {
                                    SQLITE_OPEN_READONLY | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX, nullptr);
   database_.reset(opened);
   if (code != SQLITE_OK) fail(fmt::format("SQLite: {}", sqlite3_errstr(code)));
-  // A schema may hold expressions; none of a stranger's is evaluated.
+  // A schema may hold expressions; none of an unknown file is evaluated.
   sqlite3_db_config(opened, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
   sqlite3_limit(opened, SQLITE_LIMIT_LENGTH, static_cast<int>(kLargestChunk));
   sqlite3_exec(opened, "PRAGMA cell_size_check = ON", nullptr, nullptr, nullptr);

@@ -33,7 +33,7 @@ std::string without_commas(std::string text) {
   return text;
 }
 
-/// The video's camera, scaled to the images that are handed out.
+/// The video's camera, scaled to the images that are returned.
 CameraConfig phone_camera(const fs::path& file, cv::Size video, cv::Size size) {
   std::istringstream in(without_commas(read_text(file)));
   LineReader reader(in);

@@ -29,7 +29,7 @@ struct WatchedFrame {
 struct RunWatch {
   /// Called with each frame on the thread that tracks, which goes on when it returns; its time is no frame's.
   std::function<void(const WatchedFrame&)> frame{};
-  SemanticMapper::Told mapped{};  ///< see SlamOptions
+  SemanticMapper::MapCallback mapped{};  ///< see SlamOptions
 };
 
 }  // namespace dynslam::runtime

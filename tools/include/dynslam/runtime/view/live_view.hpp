@@ -13,7 +13,7 @@
 
 namespace dynslam::runtime {
 
-/// What somebody who looks at a view may ask for.
+/// What a user who looks at a view may ask for.
 enum class ViewKey : std::uint8_t {
   pause,  ///< to hold the run, or to let it go on
   close   ///< to see no more of it

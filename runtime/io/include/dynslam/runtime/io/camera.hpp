@@ -26,7 +26,7 @@ struct CameraConfig {
   /// From the first row of the colour image to the last [s], 0: all rows at once (a global shutter),
   /// negative: from the last to the first. A frame's stamp and pose are those of its middle row.
   double readout_time = 0;
-  /// Of its depth; empty: nobody knows, and the options' are used as they are. See docs/cameras.md.
+  /// Of its depth; empty: it is unknown, and the options' are used as they are. See docs/cameras.md.
   std::optional<DepthNoise<double>> depth_noise{};
 };
 
