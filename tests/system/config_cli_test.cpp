@@ -8,6 +8,7 @@
 #include "error_text.hpp"
 #include "program.hpp"
 #include "run_fixture.hpp"
+#include "small_sequence.hpp"
 
 using namespace dynslam;
 using namespace dynslam::runtime;
@@ -34,6 +35,9 @@ TEST_CASE("dynslam config prints a file that it reads as the same, with options 
   CHECK(mentions(call("eval --config " + other + " " + file + " " + file).out, "c.toml:3: expected 8"));
 
   std::ofstream(other) << "[tracker.pose]\nnu = 5\nnnu = 5\n";
+  std::ofstream(folder.path / "nul.toml") << "masks = \"a\\u0000b\"\n";  // no field, but an option
+  test::check_one_line_error("run " + path + " --config " + path + "/nul.toml", 1,
+                             "nul.toml:1: masks has a NUL character");
   const std::string error =
       "dynslam: error: " + other + ":3: unknown key 'nnu' in [tracker.pose], did you mean nu?\n";
   for (const std::string& command : {"config " + other, "run " + path + " --config " + other,
@@ -84,4 +88,28 @@ TEST_CASE(
   CHECK(bytes(features / "trajectory.txt") != bytes(first / "trajectory.txt"));
   const auto command_line = run("line", "--features 400 --config " + (first / "config.toml").string());
   CHECK(bytes(command_line / "trajectory.txt") == bytes(features / "trajectory.txt"));
+}
+
+TEST_CASE("a run replaces its --config by the same bytes alone") {
+  const test::TemporaryFolder folder;
+  const std::string run = "run " + test::small_original().string() + " --out " + folder.path.string(),
+                    own = "# mine\n[general]\nseed = 3\n";
+  const auto config = folder.path / "config.toml";
+  const std::string again = " --config " + config.string();
+  test::write_file(config, own);
+  test::check_one_line_error(run + again, 2,
+                             "config.toml would be replaced by the configuration of this run");
+  CHECK(bytes(config) == own);
+  std::filesystem::create_directories(folder.path / "both");
+  test::write_file(folder.path / "both" / "config.toml", own);
+  test::check_one_line_error(
+      "ablate" + run.substr(3) + " --config " + (folder.path / "both").string() + "/config.toml", 2,
+      "would be replaced");
+
+  REQUIRE(call(run + " --dynamics none --no-map --seed 3").code == 0);
+  const std::string written = bytes(config);
+  CHECK(call(run + again).code == 0);  // the same run again
+  CHECK(bytes(config) == written);
+  test::check_one_line_error(run + again + " --seed 4", 2, "would be replaced");
+  CHECK(bytes(config) == written);
 }

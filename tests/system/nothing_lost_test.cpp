@@ -138,6 +138,72 @@ TEST_CASE("results inside the folder of the saved map are refused before the run
   CHECK(run_sequence(o, kNeverStop).tracked == 2);
 }
 
+TEST_CASE("a run that is refused at its start leaves earlier results as they were, and makes no folder") {
+  const MapCopy copy;
+  const fs::path out = copy.path / "out", junk = copy.path / "junk.onnx";
+  const std::vector<std::string> results{"summary.json", "config.toml", "trajectory_map2.txt",
+                                         "report.jsonl"};
+  fs::create_directories(out);
+  for (const std::string& name : results) test::write_file(out / name, "of an earlier run");
+  test::write_file(junk, "no network");
+  const auto refuse = [&](const std::string& what, const auto& change) {
+    CAPTURE(what);
+    RunOptions o = office().options("unused", 2, {}, {});
+    o.out = out;
+    change(o);
+    CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), InputError);
+    CHECK(std::distance(fs::directory_iterator(out), {}) == 4);
+    for (const std::string& name : results) CHECK(bytes(out / name) == "of an earlier run");
+    o.out = copy.path / "new";
+    CHECK_THROWS_AS((void)run_sequence(o, kNeverStop), InputError);
+    CHECK_FALSE(fs::exists(o.out));
+  };
+  const test::TumFixture other(2);
+  refuse("no map", [&](RunOptions& o) { o.load_map = copy.path / "absent"; });
+  refuse("map of another camera", [&](RunOptions& o) {
+    o.load_map = copy.map;
+    o.sequence = other.path;
+  });
+  refuse("no saved map", [](RunOptions& o) { o.save_map = o.sequence; });
+  refuse("no network", [&](RunOptions& o) {
+    o.dynamics = DynamicsMode::both;
+    o.segmentation.segmenter.model = junk;
+  });
+  refuse("no network, live", [&](RunOptions& o) {
+    o.dynamics = DynamicsMode::both;
+    o.segmentation.segmenter.model = junk;
+    o.schedule = Schedule::live;
+  });
+}
+
+TEST_CASE("results never take the place of the map that is loaded, nor of what a sequence links to") {
+  const MapCopy copy;
+  RunOptions o = copy.options(2);
+  o.save_map.clear();
+  o.out = copy.map / ".";
+  CHECK_THROWS_WITH_AS((void)run_sequence(o, kNeverStop), doctest::Contains("is the folder of --load-map"),
+                       UsageError);
+  CHECK(std::distance(fs::directory_iterator(copy.map), {}) == 3);
+  o.map = false;  // nothing of the map is written
+  CHECK(run_sequence(o, kNeverStop).tracked == 2);
+  for (const char* file : {"keyframes.bin", "scans.bin", "map.sot"})
+    CHECK(bytes(copy.map / file) == bytes(office().map / file));
+
+  const test::TumFixture tum(2);
+  const std::string path = tum.path.string(), before = bytes(tum.path / "groundtruth.txt");
+  const fs::path truth = tum.path / "groundtruth.txt", result = tum.path / "out" / "trajectory.txt";
+  fs::create_directories(tum.path / "out");
+  for (const bool found : {true, false}) {  // by an earlier run, and linked to
+    fs::rename(found ? truth : result, found ? result : truth);
+    fs::create_symlink(found ? result : truth, found ? truth : result);
+    test::check_one_line_error("run " + path + " --dynamics none --out " + path + "/out", 2,
+                               "groundtruth.txt is read by this run, which would replace it");
+    CHECK(bytes(truth) == before);
+    CHECK_FALSE(fs::exists(tum.path / "out" / "summary.json"));
+    fs::remove(found ? truth : result);
+  }
+}
+
 TEST_CASE("masks never take the place of what they are made from") {
   const test::TumFixture tum(2);
   const std::string path = tum.path.string();
@@ -148,6 +214,16 @@ TEST_CASE("masks never take the place of what they are made from") {
   };
   refuse("masks " + path + " --camera fr1 --out " + path + "/rgb");
   refuse("mask-faults " + path + " " + path + "/rgb/. --camera fr1 --fault blobs");
+  {
+    const test::TumFixture in_masks(2);
+    const std::string root = in_masks.path.string();
+    fs::rename(in_masks.path / "rgb", in_masks.path / "masks");
+    fs::create_directory_symlink("masks", in_masks.path / "rgb");
+    test::check_one_line_error("run " + root + " --dynamics none --save-masks --out " + root, 2,
+                               "masks holds images of the sequence");
+    CHECK(bytes(in_masks.path / "masks" / "1.000000.png") == before);
+    CHECK_FALSE(fs::exists(in_masks.path / "summary.json"));
+  }
   for (const char* folder : {"out", "masks"}) fs::create_directories(tum.path / folder);
   fs::create_directory_symlink(tum.path / "masks", tum.path / "out" / "masks");
   test::check_one_line_error(

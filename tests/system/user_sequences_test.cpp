@@ -113,6 +113,11 @@ TEST_CASE("info says why frames cannot be decoded, and does not advise to run th
        "convert SEQ OUT",
        0,
        {"8 of 8 depth images have no depth at all"}},
+      {"no depth at all, run",
+       depth(CV_16UC1, 0),
+       kRun,
+       1,
+       {"no frame could be tracked: none of 8 depth images has a valid depth"}},
   });
 }
 

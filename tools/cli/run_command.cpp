@@ -13,12 +13,15 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
+#include "dynslam/runtime/config/options_file.hpp"
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluation/ablate.hpp"
 #include "dynslam/runtime/evaluation/evaluate.hpp"
 #include "dynslam/runtime/inspect/inspect.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/sequence.hpp"
 #include "dynslam/runtime/report/html_report.hpp"
 #include "dynslam/runtime/run/run_sequence.hpp"
@@ -190,6 +193,20 @@ void end(View& view) {
   }
 }
 
+/// A run writes its configuration into --out. That may be the file of --config where it is the same bytes.
+/// @throws UsageError  it would be other ones
+void check_config_stays(const CLI::App& command, const rt::RunOptions& options) {
+  const CLI::Option* option = command.get_parent()->get_config_ptr();
+  if (option == nullptr || option->empty()) return;
+  const std::filesystem::path file = option->as<std::string>();
+  std::error_code error;
+  if (!std::filesystem::equivalent(file, options.out / "config.toml", error) ||
+      rt::read_file(file) == rt::config_file(options))
+    return;
+  throw rt::UsageError(fmt::format(
+      "--config {} would be replaced by the configuration of this run: name another --out", file.string()));
+}
+
 int run_sequence(const rt::RunOptions& options, bool with_view) {
   if (options.report) (void)rt::report_page();  // before hours are spent on the run
   stop_on_signals();
@@ -321,6 +338,7 @@ void RunCommand::check() const {
 
 int RunCommand::run() const {
   const rt::RunOptions options = o_->complete();
+  check_config_stays(*o_->command, options);
   if (!o_->dynamics && options.dynamics == rt::DynamicsMode::geometric) {
     std::cout
         << "no --model and no --masks: what moves is found by its geometry alone (--dynamics geometric)\n"
@@ -357,6 +375,11 @@ int AblateCommand::run() const {
     options.out += "-ablation";
   }
   check_used(*o_->command, options);
+  for (const char* mode : {"none", "semantic", "geometric", "both"}) {
+    rt::RunOptions run = options;
+    run.out /= mode;
+    check_config_stays(*o_->command, run);
+  }
   return ablate_sequence(options);
 }
 

@@ -4,8 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <vector>
 
@@ -79,6 +81,46 @@ void check_masks_are_there(const RunOptions& options, const Sequence& sequence) 
                   "holds {}",
                   sequence.frames.front().stamp,
                   names.empty() ? "nothing" : names.front() + (names.size() > 1 ? " and the like" : "")));
+}
+
+namespace {
+
+/// Whether a run writes or removes a file of this name in its folder.
+bool is_result(const std::string& name) {
+  constexpr std::array<std::string_view, 11> kResults{
+      "config.toml",   "summary.json", "trajectory.txt", "trajectory_live.txt",
+      "keyframes.txt", "timings.csv",  "map_color.ot",   "report.html",
+      "report.jsonl",  kMapFile,       kEarlierMapFile};
+  return name.starts_with("trajectory_map") ||
+         std::find(kResults.begin(), kResults.end(), name) != kResults.end();
+}
+
+}  // namespace
+
+void check_inputs_stay(const RunOptions& options, const Sequence& sequence) {
+  namespace fs = std::filesystem;
+  if (options.save_masks) check_no_input(sequence, options.out / "masks");
+  std::error_code error;
+  if (options.map && fs::equivalent(options.out, options.load_map, error))
+    throw UsageError(
+        fmt::format("--out {} is the folder of --load-map, whose map would be replaced: name another --out",
+                    options.out.string()));
+  const std::array<fs::path, 6> inputs{
+      options.sequence,
+      sequence.truth_file,
+      sequence.camera_hint,
+      options.camera,
+      options.segmentation.segmenter.model,
+      options.map && !options.load_map.empty() ? map_file_in(options.load_map) : fs::path()};
+  for (const auto& entry : fs::directory_iterator(options.out, error)) {
+    if (!is_result(entry.path().filename().string())) continue;
+    for (const fs::path& input : inputs) {
+      if (fs::equivalent(entry.path(), input, error))  // also by a link, from either side
+        throw UsageError(
+            fmt::format("{} is read by this run, which would replace it by {}: name another --out",
+                        input.string(), entry.path().string()));
+    }
+  }
 }
 
 SequenceOptions sequence_options(const RunOptions& options) {

@@ -17,5 +17,7 @@ namespace dynslam::runtime {
 
 /// @throws InputError where the folder of masks has none of any frame: the wrong one, most likely
 void check_masks_are_there(const RunOptions& options, const Sequence& sequence);
+/// @throws UsageError where a result in --out would replace what the run reads
+void check_inputs_stay(const RunOptions& options, const Sequence& sequence);
 
 }  // namespace dynslam::runtime

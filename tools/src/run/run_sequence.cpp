@@ -113,6 +113,7 @@ class Run {
   std::size_t unlisted_ = 0;  // problems that are not in the summary
   bool earlier_run_ = false;  // there was one in the folder of the results
   LostFrames lost_;           // those that are in it
+  bool any_depth_ = false;    // a depth image had a valid depth
   Stopwatch wall_, since_saved_;
   double elapsed_ms_ = 0, unsaved_ms_ = 0;
   // A live run: its results come on another thread, which has all of the above while it holds the mutex.
@@ -132,9 +133,10 @@ Run::Run(const RunOptions& options, const RunWatch& watch, const std::atomic<boo
     check_masks_are_there(options, sequence_);
     masks_.emplace(options.masks, mask_options(options));
   }
+  check_inputs_stay(options, sequence_);
   summary_.interrupted = true;  // until the run has ended
+  start_stages();               // a model or map that is refused leaves earlier results as they are
   prepare_outputs();
-  start_stages();
 }
 
 void Run::start_stages() {
@@ -245,6 +247,7 @@ void Run::take(SegmentedFrame& input) {
 void Run::note(const RgbdFrame& frame, const TrackResult& result, const cv::Mat& semantic,
                const RunTimings::Row& times) {
   const std::string& stamp = frame.stamp;
+  any_depth_ = any_depth_ || cv::countNonZero(frame.depth > 0) > 0;
   summary_.masked += !semantic.empty() && cv::countNonZero(semantic) > 0 ? 1 : 0;
   if (result.mask_rejected != MaskVerdict::kept)
     summary_.masks_rejected.emplace_back(stamp, result.mask_rejected);
@@ -372,7 +375,7 @@ void Run::write_summary() {
 RunSummary Run::summary() {
   if (failure_) std::rethrow_exception(failure_);
   if (summary_.tracked > 0 || summary_.interrupted) return std::move(summary_);
-  refuse_without_poses(options_, summary_);
+  refuse_without_poses(options_, summary_, any_depth_);
 }
 
 }  // namespace

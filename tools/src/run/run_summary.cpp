@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
 
 namespace dynslam::runtime {
@@ -108,7 +109,11 @@ void check_broken(const RunOptions& options, const RunSummary& summary) {
                   summary.broken, summary.frames, options.max_broken, summary.problems.front()));
 }
 
-void refuse_without_poses(const RunOptions& options, const RunSummary& summary) {
+void refuse_without_poses(const RunOptions& options, const RunSummary& summary, bool any_depth) {
+  if (!any_depth && summary.lost > 0)
+    throw InputError(
+        options.sequence.string(), 0,
+        fmt::format("no frame could be tracked: none of {} depth images has a valid depth", summary.lost));
   if (!options.load_map.empty())
     throw InputError(options.load_map.string(), 0, "the camera never found itself in this map");
   throw InputError(options.sequence.string(), 0,
@@ -123,11 +128,7 @@ void note_leftovers(const RunOptions& options, RunSummary& summary) {
   if (!options.map && fs::exists(options.out / kMapFile)) names.emplace_back(kMapFile);
   const fs::path folder = options.out / "masks";
   std::error_code error;
-  std::size_t masks = 0;
-  if (fs::is_directory(folder) && !fs::equivalent(folder, options.masks, error)) {
-    for (const auto& file : fs::directory_iterator(folder))
-      masks += file.path().extension() == ".png" ? 1 : 0;
-  }
+  const std::size_t masks = fs::equivalent(folder, options.masks, error) ? 0 : count_pngs(folder);
   const std::size_t own = options.save_masks ? summary.frames - summary.broken : 0;
   if (masks > own) names.push_back(fmt::format("{} masks", masks - own));
   if (!names.empty())

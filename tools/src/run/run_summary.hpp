@@ -26,7 +26,8 @@ void note_leftovers(const RunOptions& options, RunSummary& summary);
 
 /// @throws InputError where more frames are broken than RunOptions::max_broken allows
 void check_broken(const RunOptions& options, const RunSummary& summary);
+/// @param any_depth  whether a depth image had a valid depth
 /// @throws InputError with the reason why no frame has a pose
-[[noreturn]] void refuse_without_poses(const RunOptions& options, const RunSummary& summary);
+[[noreturn]] void refuse_without_poses(const RunOptions& options, const RunSummary& summary, bool any_depth);
 
 }  // namespace dynslam::runtime
