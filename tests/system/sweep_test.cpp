@@ -194,6 +194,23 @@ TEST_CASE("a job that fails is told, does not stop the others, and is run again"
   CHECK(test::mentions(other.out, "the sweep has no job 'office/both'"));
 }
 
+TEST_CASE("a job whose folder cannot be made fails, and the others go on") {
+  const SmallSweep small;
+  test::write_file(small.file,
+                   "sequences = [\"office\"]\nmodes = [\"none\", \"geometric\"]\n[options]\nmax-frames = "
+                   "20\nmap = false\n");
+  const fs::path out = small.out / "office";
+  fs::create_directories(out);
+  test::write_file(out / "none", "a file");
+  const ProgramResult r = small.sweep();
+  CAPTURE(r.out);
+  CHECK(r.code == 1);
+  CHECK(test::mentions(r.out, "office/none: FAILED, "));
+  CHECK(test::mentions(r.out, "cannot be made a folder"));
+  CHECK(test::mentions(r.out, "office/geometric: done"));
+  CHECK(test::mentions(r.out, "1 of 2 jobs are not done"));
+}
+
 TEST_CASE("a sweep that is interrupted ends its runs and goes on later") {
   const SmallSweep small;
   // Long enough that the first run does not end before the signal reaches it on a busy machine.

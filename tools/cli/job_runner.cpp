@@ -25,6 +25,8 @@ namespace {
 namespace fs = std::filesystem;
 namespace rt = dynslam::runtime;
 
+constexpr int kNotStarted = 1;  // exit code of a job without a process or a record
+
 std::atomic<int> stop_signal{0};
 
 extern "C" void note_stop(int signal) {
@@ -49,6 +51,16 @@ void listen_for_stop() {
 
 fs::path folder_of(const rt::SweepJob& job, const JobPlace& place) {
   return place.out / job.name;
+}
+
+/// The last line that a job printed; empty: none.
+std::string last_line(const fs::path& log) {
+  std::ifstream in(log);
+  std::string last;
+  for (std::string line; std::getline(in, line);) {
+    if (!line.empty()) last = line;
+  }
+  return last;
 }
 
 pid_t start(const rt::SweepJob& job, const JobPlace& place) {
@@ -78,7 +90,7 @@ pid_t start(const rt::SweepJob& job, const JobPlace& place) {
 }  // namespace
 
 JobOutcome run_jobs(const std::vector<const rt::SweepJob*>& jobs, const JobPlace& place, int at_once,
-                    const std::function<void(const rt::SweepJob&, int)>& ended) {
+                    const std::function<void(const rt::SweepJob&, int, const std::string&)>& ended) {
   listen_for_stop();
   JobOutcome outcome;
   std::map<pid_t, const rt::SweepJob*> running;
@@ -95,7 +107,12 @@ JobOutcome run_jobs(const std::vector<const rt::SweepJob*>& jobs, const JobPlace
     }
     while (next < jobs.size() && running.size() < static_cast<std::size_t>(at_once)) {
       const rt::SweepJob* job = jobs[next++];
-      running[start(*job, place)] = job;
+      try {
+        running[start(*job, place)] = job;
+      } catch (const rt::InputError& error) {  // the others go on
+        outcome.failed.push_back(job);
+        ended(*job, kNotStarted, error.what());
+      }
     }
     int status = 0;
     const pid_t process = ::waitpid(-1, &status, WNOHANG);
@@ -107,23 +124,21 @@ JobOutcome run_jobs(const std::vector<const rt::SweepJob*>& jobs, const JobPlace
     if (found == running.end()) continue;
     const rt::SweepJob& job = *found->second;
     running.erase(found);
-    const int code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-    rt::write_file(folder_of(job, place) / "job.json",
-                   rt::sweep_record(job, place.program, code).dump(2) + "\n");
+    int code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    std::string why;
+    try {
+      rt::write_file(folder_of(job, place) / "job.json",
+                     rt::sweep_record(job, place.program, code).dump(2) + "\n");
+    } catch (const rt::InputError& error) {  // as on a full disk: it is run again
+      code = kNotStarted;
+      why = error.what();
+    }
     if (code != 0 && stop_signal.load() == 0) outcome.failed.push_back(&job);
-    if (stop_signal.load() == 0 || code == 0) ended(job, code);
+    if (stop_signal.load() == 0 || code == 0)
+      ended(job, code, why.empty() && code != 0 ? last_line(folder_of(job, place) / "log") : why);
   }
   outcome.interrupted = stop_signal.load() != 0;
   return outcome;
-}
-
-std::string last_line(const fs::path& log) {
-  std::ifstream in(log);
-  std::string last;
-  for (std::string line; std::getline(in, line);) {
-    if (!line.empty()) last = line;
-  }
-  return last;
 }
 
 }  // namespace dynslam::app

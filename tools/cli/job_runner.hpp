@@ -25,13 +25,10 @@ struct JobOutcome {
 
 /// Runs jobs, so many at a time, each as a process of its own that writes into its folder: what it prints to
 /// `log`, and job.json when it has ended. SIGINT, SIGTERM and SIGHUP end them; no further ones are begun.
-/// @param ended  called with each job that has ended, and its exit code
-/// @throws runtime::InputError where a folder cannot be made or a process not be started
-[[nodiscard]] JobOutcome run_jobs(const std::vector<const runtime::SweepJob*>& jobs, const JobPlace& place,
-                                  int at_once,
-                                  const std::function<void(const runtime::SweepJob&, int)>& ended);
-
-/// The last line that a job printed; empty: none.
-[[nodiscard]] std::string last_line(const std::filesystem::path& log);
+/// One that cannot be started fails, and the others go on.
+/// @param ended  called with each job that has ended, its exit code and, where that is not 0, the reason
+[[nodiscard]] JobOutcome run_jobs(
+    const std::vector<const runtime::SweepJob*>& jobs, const JobPlace& place, int at_once,
+    const std::function<void(const runtime::SweepJob&, int, const std::string&)>& ended);
 
 }  // namespace dynslam::app

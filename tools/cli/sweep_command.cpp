@@ -115,10 +115,11 @@ int SweepCommand::Options::run_only(const rt::Sweep& sweep, const JobPlace& plac
   if (rt::is_done(*job, place.out, place.program)) return 0;
   int exit_code = 0;
   const JobOutcome outcome =
-      run_jobs({&*job}, place, 1, [&](const rt::SweepJob&, int code) { exit_code = code; });
-  if (outcome.interrupted) return kInterrupted;
-  if (exit_code != 0) std::cerr << only << ": " << last_line(place.out / only / "log") << '\n';
-  return exit_code;
+      run_jobs({&*job}, place, 1, [&](const rt::SweepJob&, int code, const std::string& why) {
+        exit_code = code;
+        if (code != 0) std::cerr << only << ": " << why << '\n';
+      });
+  return outcome.interrupted ? kInterrupted : exit_code;
 }
 
 void SweepCommand::Options::write_jobs(const rt::Sweep& sweep, const std::vector<const rt::SweepJob*>& open,
@@ -179,9 +180,9 @@ int SweepCommand::Options::run() const {
     std::cout << fmt::format("{} jobs, {} done, {} to run\n", sweep.jobs.size(), done, open.size())
               << std::flush;
     std::size_t ended = 0;
-    outcome = run_jobs(open, place, jobs, [&](const rt::SweepJob& job, int code) {
+    outcome = run_jobs(open, place, jobs, [&](const rt::SweepJob& job, int code, const std::string& why) {
       std::cout << fmt::format("{}/{} {}: {}\n", ++ended, open.size(), job.name,
-                               code == 0 ? "done" : "FAILED, " + last_line(place.out / job.name / "log"))
+                               code == 0 ? "done" : "FAILED, " + why)
                 << std::flush;
     });
     if (outcome.interrupted) {
