@@ -41,6 +41,6 @@ printf '%-20s %12s %9s %9s %9s\n' masks tracked 'ATE [m]' greatest rejected
 run none --dynamics none
 run geometric --dynamics geometric
 for fault in $faults; do
-  "$program" mask-faults "$sequence" "$out/masks/$fault" --fault "$fault" 2> /dev/null
+  "$program" mask-faults "$sequence" "$out/masks/$fault" --fault "$fault" > /dev/null 2>&1
   run "$fault" --dynamics both --masks "$out/masks/$fault"
 done

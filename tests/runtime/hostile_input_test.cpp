@@ -8,6 +8,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <sstream>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,7 @@
 #include "dynslam/runtime/slam/semantic_mapper.hpp"
 #include "dynslam/runtime/synth/synth.hpp"
 #include "error_text.hpp"
+#include "io/make_folder.hpp"
 #include "run_fixture.hpp"
 #include "tiny_onnx.hpp"
 
@@ -176,6 +178,35 @@ TEST_CASE("synth refuses a folder with another program's sequence, and makes its
   synthesize(o, own.path);
   synthesize(o, own.path);
   CHECK(fs::exists(own.path / "synth.json"));
+}
+
+TEST_CASE("a folder that synth fills again is never of two sequences") {
+  const test::TemporaryFolder own, other;
+  SynthOptions o;
+  o.width = 64;
+  o.height = 64;
+  o.frames = 3;
+  synthesize(o, own.path);
+  o.frames = 1;
+  o.path = "rpy";
+  CHECK_THROWS(synthesize(o, own.path, [](int, int) { throw std::runtime_error("interrupted"); }));
+  CHECK_FALSE(fs::exists(own.path / "groundtruth.txt"));
+  CHECK_FALSE(fs::exists(own.path / "rgb.txt"));
+  CHECK(mentions(error_of([&] { (void)load_sequence(own.path); }), "is not whole (unfinished.txt)"));
+  {
+    const FileHandle lock = lock_folder(own.path);
+    CHECK(mentions(error_of([&] { synthesize(o, own.path); }), "is where another process writes"));
+  }
+  synthesize(o, own.path);
+  for (const char* folder : {"rgb", "depth", "label", "instance", "dynamic_mask", "box_mask"})
+    CHECK(count_pngs(own.path / folder) == 1);
+  CHECK(load_sequence(own.path).frames.size() == 1);
+
+  fs::create_directories(other.path / "label");
+  test::write_file(other.path / "label" / "mine.png", "mine");
+  CHECK(mentions(error_of([&] { synthesize(o, other.path); }), "holds images that `dynslam synth` did not"));
+  CHECK(bytes(other.path / "label" / "mine.png") == "mine");
+  CHECK_FALSE(fs::exists(other.path / "rgb"));
 }
 
 TEST_CASE("a model that takes its weights from outside its folder is refused, wherever it names them") {

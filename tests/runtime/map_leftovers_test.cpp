@@ -69,3 +69,12 @@ TEST_CASE("without true masks the error names their folder") {
   std::filesystem::remove_all(wall.sequence.path / "dynamic_mask");
   CHECK(test::mentions(test::error_of([&] { (void)wall.leftovers(); }), "dynamic_mask"));
 }
+
+TEST_CASE("true masks of other frames tell nothing of the map, which is an error") {
+  HalfDynamicWall wall(1);
+  const std::filesystem::path masks = wall.sequence.path / "dynamic_mask";
+  std::filesystem::rename(masks / "1.000000.png", masks / "7.png");
+  const std::string error = test::error_of([&] { (void)wall.leftovers(); });
+  CHECK(test::mentions(error, "dynamic_mask: has no mask of a frame with a pose in "));
+  CHECK(test::mentions(error, "1.000000.png and the like are looked for"));
+}

@@ -10,7 +10,9 @@
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/evaluation/evaluate.hpp"
+#include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
+#include "error_text.hpp"
 #include "run_fixture.hpp"
 
 using namespace dynslam;
@@ -78,4 +80,33 @@ TEST_CASE("faulty masks are as wrong as their name says, and the same in every r
   CHECK(shares.worst == doctest::Approx(0.9));
   std::filesystem::remove(walking.path / "groundtruth.txt");
   CHECK_THROWS_AS((void)masks(walking, MaskFault::late), InputError);
+}
+
+TEST_CASE("masks for want of a true one, masks of nothing and masks that were there are counted") {
+  const test::TumFixture tum(4);
+  MaskFaultOptions options;
+  options.sequence = tum.path;
+  options.out = tum.path / "faults";
+  const auto write = [&](MaskFault fault) {
+    options.fault = fault;
+    return write_mask_faults(options, [](std::size_t, std::size_t) {});
+  };
+  CHECK(write(MaskFault::object_always).no_truth);
+  const std::filesystem::path truth = tum.path / "dynamic_mask";
+  std::filesystem::create_directories(truth);
+  const cv::Mat moves(64, 64, CV_8UC1, cv::Scalar(255));
+  write_image(truth / "another.png", moves);
+  CHECK(test::mentions(test::error_of([&] { (void)write(MaskFault::shifted); }),
+                       "dynamic_mask: has no mask of any frame of the sequence: 1.000000.png and the like"));
+  CHECK(write(MaskFault::cover).masks == 4);  // for which no true mask is needed
+  write_image(truth / "1.000000.png", moves);
+  write_image(options.out / "mine.png", moves);
+  const MaskFaultReport report = write(MaskFault::shifted);
+  CHECK(report.masks == 4);
+  CHECK(report.marked == 1);
+  CHECK(report.without_truth == 3);
+  CHECK_FALSE(report.no_truth);
+  CHECK(report.replaced == 4);
+  CHECK(report.left == 1);
+  CHECK(write(MaskFault::empty).marked == 0);
 }

@@ -50,6 +50,19 @@ TEST_CASE(
   const TrajectoryReport of_line = evaluate_trajectory(moving, line, "e", "g");
   CHECK(mentions(of_line.notes.at(0), "no ATE: the positions of g lie on one line"));
   CHECK(of(still, Alignment::none).ate.pairs == 60);
+  // A spread whose square is 0: a scale of 0, inf or nan.
+  std::vector<StampedPose<double>> tiny = moving;
+  for (auto& pose : tiny) pose.T_w_c = SE3d(SO3d(), 1e-300 * pose.T_w_c.translation());
+  EvaluationOptions scaled;
+  scaled.alignment = Alignment::sim3;
+  const TrajectoryReport tiny_estimate = of(tiny, Alignment::sim3),
+                         tiny_truth = evaluate_trajectory(moving, tiny, "e", "g", scaled);
+  for (const TrajectoryReport* report : {&tiny_estimate, &tiny_truth}) {
+    CHECK(report->ate.pairs == 0);
+    REQUIRE(report->notes.size() == 1);
+    CHECK(mentions(report->notes[0], "are all in one place, which leaves the rotation or the scale"));
+  }
+  CHECK(mentions(tiny_truth.notes[0], "no ATE: the positions of g "));
   // Shorter than the interval of the RPE.
   const TrajectoryReport brief = evaluate_trajectory(std::span(moving).first(20), moving, "e", "g");
   CHECK(brief.ate.translation.rmse < 1e-9);
@@ -140,8 +153,8 @@ TEST_CASE("where the camera goes round evenly no offset of the clocks is made up
   EvaluationOptions options;
   options.find_offset = true;
   for (const double unevenness : {0.0, 0.02}) {
-    const auto [truth, estimate] = estimate_of(0.4, unevenness);
-    CHECK(mentions(error_of([&] { (void)evaluate_trajectory(estimate, truth, "e", "g", options); }),
+    const auto made = estimate_of(0.4, unevenness);
+    CHECK(mentions(error_of([&] { (void)evaluate_trajectory(made.second, made.first, "e", "g", options); }),
                    "e: does not tell the offset of its clock to 0.02 s"));
   }
   const auto [truth, estimate] = estimate_of(0.4, 0.3);
@@ -191,4 +204,11 @@ TEST_CASE("a ground truth of a turned body is found out, and turned by its pose"
   CHECK(mentions(
       error_of([&] { (void)evaluate_trajectory(folder.path / "e.txt", folder.path / "g.txt", options); }),
       "body.txt:1: expected 4 numbers"));
+  for (const auto& [line, reason] : {std::pair("1e300 0 0 0 0 0 1", "'1e300' is too far to be a position"),
+                                     std::pair("0 0 0 0 0 0 0", "the quaternion is zero")}) {
+    test::write_file(folder.path / "body.txt", fmt::format("# of the robot\n{}\n", line));
+    CHECK(mentions(
+        error_of([&] { (void)evaluate_trajectory(folder.path / "e.txt", folder.path / "g.txt", options); }),
+        fmt::format("body.txt:2: {}", reason)));
+  }
 }

@@ -13,11 +13,13 @@
 #include <vector>
 
 #include "dynslam/runtime/synth/synth.hpp"
+#include "error_text.hpp"
 #include "program.hpp"
+#include "small_sequence.hpp"
 #include "tum_fixture.hpp"
 
 using namespace dynslam;
-using test::call, test::check_one_line_error, test::shell, test::ProgramResult;
+using test::call, test::check_one_line_error, test::mentions, test::shell, test::ProgramResult;
 
 namespace {
 
@@ -70,6 +72,43 @@ TEST_CASE("masks of a sequence are those of run, and nothing else is made") {
   CHECK(any);
   check_one_line_error("masks " + walking.sequence.string(), 2, "need --out");
   check_one_line_error("masks " + walking.path.string() + "/absent --out " + out.string(), 1, "absent");
+}
+
+TEST_CASE(
+    "of a sequence that is mostly broken no masks are a success, and masks of an earlier one are said") {
+  const test::TemporaryFolder folder;
+  test::copy_sequence(folder.path / "seq");
+  const std::string at = folder.path.string(), command = "masks " + at + "/seq --out " + at + "/m";
+  const auto damage = [&](std::ptrdiff_t images) {
+    std::vector<std::filesystem::path> files;
+    for (const auto& entry : std::filesystem::directory_iterator(folder.path / "seq" / "rgb"))
+      files.push_back(entry.path());
+    std::sort(files.begin(), files.end());
+    for (auto file = files.begin(); file != files.begin() + images; ++file) test::write_text(*file, "x");
+  };
+  damage(3);
+  std::filesystem::create_directories(folder.path / "m");
+  test::write_text(folder.path / "m" / "1.png", "earlier");
+  const ProgramResult some = call(command);
+  CAPTURE(some.out);
+  CHECK(some.code == 0);
+  CHECK(std::count(some.out.begin(), some.out.end(), '\n') >= 5);  // broken, left over, and what was made
+  CHECK(mentions(some.out, "m still holds 1 masks of an earlier run"));
+  CHECK(mentions(some.out, "5 masks in "));
+  damage(5);
+  check_one_line_error(command, 1, "seq: 5 of 8 frames cannot be read; the first one: ");
+}
+
+TEST_CASE("faulty masks say how many they are, what they mark and what they replace") {
+  const test::TumFixture tum(2);
+  const std::string path = tum.path.string(), command = "mask-faults " + path + " " + path + "/f --fault ";
+  const ProgramResult made = call(command + "empty");
+  CHECK(made.code == 0);
+  CHECK(made.out == "2 masks in " + path + "/f\nnone of the masks marks anything\n");
+  const ProgramResult again = call(command + "object-always");
+  CHECK(again.code == 0);
+  CHECK(mentions(again.out, "warning: 2 masks that " + path + "/f held before are replaced\n"));
+  CHECK(mentions(again.out, "2 masks in " + path + "/f; the sequence has no true masks (dynamic_mask/)\n"));
 }
 
 TEST_CASE("the client on the page of the stream gets run's masks") {

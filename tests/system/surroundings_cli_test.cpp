@@ -110,6 +110,11 @@ TEST_CASE("a conversion that was interrupted is begun anew by the same command")
   write_text(folder.path / "c" / "rgb" / "7.png", "half");
   CHECK(call(convert).code == 1);  // it may be anybody's
   write_text(folder.path / "c" / "unfinished.txt", "");
+  check_one_line_error("info " + at + "/c", 1, "c: is not whole (unfinished.txt)");
+  write_text(folder.path / "c" / "synth.json", "{}");  // then it is one of `synth`, with images of its own
+  check_one_line_error(convert, 1, "is not an empty folder");
+  check_one_line_error("synth ''", 1, "cannot be made a folder");
+  fs::remove(folder.path / "c" / "synth.json");
   CHECK(call(convert).code == 0);
   CHECK_FALSE(fs::exists(folder.path / "c" / "rgb" / "7.png"));
   CHECK_FALSE(fs::exists(folder.path / "c" / "unfinished.txt"));

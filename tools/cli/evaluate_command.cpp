@@ -17,6 +17,7 @@
 #include "format_options.hpp"
 #include "progress_line.hpp"
 #include "validators.hpp"
+#include "warnings.hpp"
 
 namespace dynslam::app {
 namespace {
@@ -24,6 +25,31 @@ namespace {
 template <class Report>
 int print(const Report& report, bool json) {
   std::cout << (json ? runtime::to_json(report).dump() + "\n" : runtime::to_text(report));
+  return 0;
+}
+
+std::string faults_line(const runtime::MaskFaultReport& report, const std::string& out) {
+  std::string text = fmt::format("{} masks in {}", report.masks, out);
+  if (report.without_truth > 0)
+    text +=
+        fmt::format(", {} of them without the true mask, which dynamic_mask/ lacks", report.without_truth);
+  if (report.no_truth) text += "; the sequence has no true masks (dynamic_mask/)";
+  return text + (report.marked == 0 ? "\nnone of the masks marks anything\n" : "\n");
+}
+
+int write_faults(const runtime::MaskFaultOptions& options) {
+  runtime::MaskFaultReport report;
+  {
+    ProgressLine line;
+    report = runtime::write_mask_faults(options, [&](std::size_t done, std::size_t total) {
+      line.show(fmt::format("{}/{} masks", done, total));
+    });
+  }
+  const std::string out = options.out.string();
+  if (report.replaced > 0)
+    warn({fmt::format("{} masks that {} held before are replaced", report.replaced, out)});
+  if (report.left > 0) warn({fmt::format("{} still holds {} other masks", out, report.left)});
+  std::cout << faults_line(report, out);
   return 0;
 }
 
@@ -159,11 +185,7 @@ int EvaluateCommand::run() const {
     return o.truth.empty() ? print(runtime::mask_shares(o.predicted, reading), o.json)
                            : print(runtime::evaluate_masks(o.predicted, o.truth, o.widen, reading, o.reading_truth), o.json);
   }
-  ProgressLine line;
-  runtime::write_mask_faults(o.fault, [&](std::size_t done, std::size_t total) {
-    line.show(fmt::format("{}/{} masks", done, total));
-  });
-  return 0;
+  return write_faults(o.fault);
 }
 
 }  // namespace dynslam::app

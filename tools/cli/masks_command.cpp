@@ -12,6 +12,7 @@
 #include <optional>
 #include <string>
 #include <system_error>
+#include <vector>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/frame_pipe.hpp"
@@ -37,6 +38,7 @@ namespace rt = dynslam::runtime;
 /// What is printed in the end.
 struct Count {
   std::size_t frames = 0, tracked = 0, marked = 0;
+  std::vector<std::string> broken;  // frames that could not be read, one line each
   rt::Stopwatch watch;
 };
 
@@ -45,6 +47,15 @@ std::string masks_line(Count& count, const std::string& where) {
   return fmt::format("{} masks{}, {} of frames with a pose, {:.1f} frames/s\n{}", count.frames, where,
                      count.tracked, seconds > 0 ? static_cast<double>(count.frames) / seconds : 0.0,
                      count.marked == 0 ? "none of the masks marks anything dynamic\n" : "");
+}
+
+/// As `run` and `convert` do, a sequence of which more than half cannot be read is an error.
+void check_broken(const Count& count, const std::string& sequence) {
+  const std::size_t total = count.frames + count.broken.size();
+  if (2 * count.broken.size() > total)
+    throw rt::InputError(sequence, 0,
+                         fmt::format("{} of {} frames cannot be read; the first one: {}", count.broken.size(),
+                                     total, count.broken.front()));
 }
 
 }  // namespace
@@ -127,12 +138,13 @@ void MasksCommand::Options::of_sequence(Count& count) const {
   ProgressLine line;
   while (const auto next = stream.next()) {
     if (!next->frame) {
-      warn({next->error});
+      count.broken.push_back(next->error);
       continue;
     }
     write(count, next->frame->stamp, system.track(*next->frame));
     line.show(fmt::format("{}/{} frames", count.frames, frames.frames.size()));
   }
+  check_broken(count, sequence);
 }
 
 void MasksCommand::Options::of_pipe(Count& count) const {
@@ -169,6 +181,9 @@ int MasksCommand::run() const {
   if (count.frames == 0)
     throw rt::InputError(o.sequence == "-" ? "standard input" : o.sequence, 0,
                          "has no frame that can be read");
+  warn(count.broken);
+  if (const std::size_t masks = rt::count_pngs(o.out); masks > count.frames)
+    warn({fmt::format("{} still holds {} masks of an earlier run", o.out.string(), masks - count.frames)});
   // The standard output is the masks' own where they have no folder.
   (o.out.empty() ? std::cerr : std::cout) << masks_line(count, o.out.empty() ? "" : " in " + o.out.string());
   return 0;

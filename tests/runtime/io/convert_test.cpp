@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <opencv2/core.hpp>
 #include <sstream>
 #include <string>
@@ -152,6 +153,32 @@ TEST_CASE("frames that cannot be read are left out and told; nothing is written 
   for (const FrameRecord& frame : sequence.frames) std::ofstream(frame.depth.string(), std::ios::binary) << "no image";
   CHECK(mentions(error_of([&] { (void)convert_sequence(sequence, camera, out.path / "broken"); }),
                  "cannot be read"));
+}
+
+TEST_CASE("depth images of one time stay several; one image of several frames stays one") {
+  const test::TumFixture tum(5);
+  Sequence before = load_sequence(tum.path);
+  const CameraConfig camera = camera_of(before);
+  for (std::size_t i = 0; i < before.frames.size(); ++i) {
+    write_image(before.frames[i].depth, cv::Mat(64, 64, CV_16UC1, cv::Scalar(5000.0 + 1000.0 * double(i))));
+    before.frames[i].t_depth = 0;
+  }
+  before.frames[1].depth = before.frames[0].depth;
+  before.frames[4].t_depth = before.frames[2].t_rgb;
+  const TemporaryFolder out;
+  CHECK(convert_sequence(before, camera, out.path / "tum").written == 5);
+  const Sequence after = load_sequence(out.path / "tum");
+  REQUIRE(after.frames.size() == 5);
+  const auto depth = [&](const Sequence& sequence, std::size_t i) {
+    return decode_frame(sequence.frames[i], i, camera).depth.at<float>(32, 32);
+  };
+  for (std::size_t i = 0; i < 5; ++i) {
+    CAPTURE(i);
+    CHECK(depth(after, i) == depth(before, i));
+    CHECK(std::abs(after.frames[i].t_depth - before.frames[i].t_depth) < 1e-6);
+  }
+  CHECK(after.frames[1].depth.string() == after.frames[0].depth.string());
+  CHECK(std::distance(fs::directory_iterator(out.path / "tum" / "depth"), {}) == 4);
 }
 
 TEST_CASE("a camera's text reads back as the camera, lens and noise included") {

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -14,24 +13,19 @@
 #include "dynslam/runtime/io/read_file.hpp"
 #include "dynslam/runtime/io/sequence.hpp"
 #include "dynslam/runtime/io/text_lines.hpp"
+#include "dynslam/runtime/io/trajectory_io.hpp"
 #include "io/formats/format.hpp"
 
 namespace dynslam::runtime {
 namespace {
 
-/// "tx ty tz qx qy qz qw"; nullopt for other lines.
-std::optional<SE3<double>> pose_of_seven(const std::string& line) {
-  const auto words = split_words(line);
-  std::array<double, 7> v{};
-  if (words.size() != v.size()) return std::nullopt;
-  for (std::size_t i = 0; i < v.size(); ++i) {
-    const auto number = parse_number(words[i]);
-    if (!number) return std::nullopt;
-    v[i] = *number;
-  }
-  const Eigen::Quaterniond q(v[6], v[3], v[4], v[5]);
-  if (!(q.norm() > 1e-6)) return std::nullopt;
-  return SE3<double>(q.normalized(), Eigen::Vector3d(v[0], v[1], v[2]));
+/// "tx ty tz qx qy qz qw", a trajectory's line without its time and as that one is checked; nullopt for lines
+/// of another number of words. @throws InputError with the line
+std::optional<SE3<double>> pose_of_seven(const LineReader& reader, const std::string& name) {
+  constexpr std::size_t kWords = 7;
+  if (split_words(reader.line()).size() != kWords) return std::nullopt;
+  std::istringstream in(std::string(reader.number() - 1, '\n') + "0 " + reader.line());
+  return parse_trajectory(in, name).front().T_w_c;
 }
 
 /// The rotation that fits all, and how far the farthest nine tenths of them are from it [rad].
@@ -82,7 +76,7 @@ SE3<double> read_body_pose(const std::filesystem::path& file) {
   std::istringstream lines(text);
   LineReader reader(lines);
   if (!reader.next()) throw InputError(file.string(), 0, "holds no pose");
-  if (const auto pose = pose_of_seven(reader.line())) return *pose;
+  if (const auto pose = pose_of_seven(reader, file.string())) return *pose;
   std::istringstream in(text);
   const auto matrix = formats::parse_matrix(in, file.string());
   const auto pose = matrix ? formats::rigid_motion(*matrix) : std::nullopt;

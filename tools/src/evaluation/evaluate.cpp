@@ -115,27 +115,41 @@ int dimensions_of(const std::vector<Eigen::Vector3d>& points) {
   return values(1) > kThin * values(2) ? 2 : 1;
 }
 
-/// Why an ATE cannot be given.
-std::string why_no_ate(Trajectory estimate, Trajectory groundtruth, const std::string& est_name,
-                       const std::string& gt_name, Alignment alignment) {
-  const auto pairs = associate(times_of_poses(groundtruth), times_of_poses(estimate), kNear);
-  const std::string ranges = both_ranges(estimate, groundtruth, est_name, gt_name);
-  const bool any = alignment == Alignment::none || alignment == Alignment::first;
-  if (pairs.size() < (any ? 1U : 3U))
-    return fmt::format("no ATE: {} of {} poses have one of the ground truth within {} s, {} are needed; {}",
-                       pairs.size(), estimate.size(), kNear, any ? 1 : 3, ranges);
-  std::array<std::vector<Eigen::Vector3d>, 2> points;
-  for (const auto& [i, j] : pairs) {
+/// Positions of the estimate and of the ground truth that belong together.
+using PairedPoints = std::array<std::vector<Eigen::Vector3d>, 2>;
+PairedPoints paired_points(Trajectory estimate, Trajectory groundtruth) {
+  PairedPoints points;
+  for (const auto& [i, j] : associate(times_of_poses(groundtruth), times_of_poses(estimate), kNear)) {
     points[0].push_back(estimate[j].T_w_c.translation());
     points[1].push_back(groundtruth[i].T_w_c.translation());
   }
+  return points;
+}
+
+/// Whether one of the two is in one place: a scale between them would be none, or lay all on one point.
+bool scale_is_open(Trajectory estimate, Trajectory groundtruth) {
+  const PairedPoints points = paired_points(estimate, groundtruth);
+  return dimensions_of(points[0]) == 0 || dimensions_of(points[1]) == 0;
+}
+
+/// Why an ATE cannot be given.
+std::string why_no_ate(Trajectory estimate, Trajectory groundtruth, const std::string& est_name,
+                       const std::string& gt_name, Alignment alignment) {
+  const PairedPoints points = paired_points(estimate, groundtruth);
+  const std::size_t pairs = points[0].size();
+  const std::string ranges = both_ranges(estimate, groundtruth, est_name, gt_name);
+  const bool any = alignment == Alignment::none || alignment == Alignment::first;
+  if (pairs < (any ? 1U : 3U))
+    return fmt::format("no ATE: {} of {} poses have one of the ground truth within {} s, {} are needed; {}",
+                       pairs, estimate.size(), kNear, any ? 1 : 3, ranges);
   const int of_estimate = dimensions_of(points[0]), of_truth = dimensions_of(points[1]);
   const bool truth = of_truth < of_estimate;
   return fmt::format(
-      "no ATE: the positions of {} {}, which leaves the rotation between the two open "
+      "no ATE: the positions of {} {}, which leaves the {} between the two open "
       "(--align first or none compares without one); {}",
       truth ? gt_name : est_name,
-      std::min(of_estimate, of_truth) == 0 ? "are all in one place" : "lie on one line", ranges);
+      std::min(of_estimate, of_truth) == 0 ? "are all in one place" : "lie on one line",
+      alignment == Alignment::sim3 ? "rotation or the scale" : "rotation", ranges);
 }
 
 std::string why_no_rpe(Trajectory estimate, Trajectory groundtruth, const std::string& est_name,
@@ -184,7 +198,8 @@ TrajectoryReport evaluate_trajectory(Trajectory given, Trajectory groundtruth, c
   }
   const std::vector<StampedPose<double>> moved = shifted(given, offset.value_or(0));
   const Trajectory estimate = offset ? Trajectory(moved) : given;
-  const auto ate = absolute_trajectory_error<double>(estimate, groundtruth, kNear, options.alignment);
+  auto ate = absolute_trajectory_error<double>(estimate, groundtruth, kNear, options.alignment);
+  if (ate && options.alignment == Alignment::sim3 && scale_is_open(estimate, groundtruth)) ate.reset();
   const auto rpe = relative_pose_error<double>(estimate, groundtruth, kInterval);
   report.ate.translation = report.rpe.translation = report.rpe.rotation_deg = not_given();
   report.end_error = std::numeric_limits<double>::quiet_NaN();
@@ -201,7 +216,7 @@ TrajectoryReport evaluate_trajectory(Trajectory given, Trajectory groundtruth, c
   }
   if (!ate && !rpe) throw InputError(gt_name, 0, missing.front());
   if (const auto error = end_error<double>(estimate, groundtruth)) report.end_error = *error;
-  if (options.alignment == Alignment::sim3)
+  if (ate && options.alignment == Alignment::sim3)
     report.notes.push_back(fmt::format("scale: the estimate times {:.6f}", report.ate.scale));
   report.notes.insert(report.notes.end(), missing.begin(), missing.end());
   if (ate && rpe) note_turned_body(estimate, groundtruth, *ate, *rpe, report.notes);

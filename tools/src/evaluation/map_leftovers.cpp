@@ -84,6 +84,11 @@ MapLeftovers map_leftovers(const fs::path& run, const fs::path& sequence_path,
     see(frame, mask, camera, pose->T_w_c, *tree, seen);
     ++result.frames;
   }
+  if (result.frames == 0)
+    throw InputError(
+        masks.string(), 0,
+        fmt::format("has no mask of a frame with a pose in {}: {}.png and the like are looked for",
+                    (run / "trajectory.txt").string(), sequence.frames.front().stamp));
   for (const auto& [key, voxel] : seen) result.voxels += voxel.dynamic && !voxel.resting ? 1U : 0U;
   return result;
 }

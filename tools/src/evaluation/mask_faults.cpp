@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "dynslam/runtime/evaluation/mask_faults.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -48,19 +50,41 @@ class MaskFaults {
     if (sequence_.groundtruth.empty())
       throw InputError(options.sequence.string(), 0, "has no ground truth to place an object by");
     truth_ = options.sequence / "dynamic_mask";
+    has_truth_ = fs::is_directory(truth_);
+    check_truth();
     object_ = find_object();
     make_folder(options.out);
   }
 
-  void write(const std::function<void(std::size_t, std::size_t)>& progress) {
-    const std::size_t n = sequence_.frames.size();
+  MaskFaultReport write(const std::function<void(std::size_t, std::size_t)>& progress) {
+    const std::size_t n = sequence_.frames.size(), before = count_pngs(options_.out);
     for (std::size_t i = 0; i < n; ++i) {
-      write_image(options_.out / (sequence_.frames[i].stamp + ".png"), mask(i));
+      const cv::Mat made = mask(i);
+      report_.marked += cv::countNonZero(made) > 0 ? 1 : 0;
+      write_image(options_.out / (sequence_.frames[i].stamp + ".png"), made);
+      ++report_.masks;
       progress(i + 1, n);
     }
+    const std::size_t after = count_pngs(options_.out);
+    report_.left = after - std::min(after, report_.masks);
+    report_.replaced = before - std::min(before, report_.left);
+    return report_;
   }
 
  private:
+  /// True masks of another sequence would be no marks at all.
+  void check_truth() {
+    const MaskFault f = options_.fault;
+    if (f == MaskFault::cover || f == MaskFault::empty || f == MaskFault::blobs) return;
+    report_.no_truth = !has_truth_;
+    const auto& frames = sequence_.frames;
+    if (has_truth_ &&
+        std::none_of(frames.begin(), frames.end(), [&](const auto& r) { return fs::exists(true_file(r)); }))
+      throw InputError(truth_.string(), 0,
+                       fmt::format("has no mask of any frame of the sequence: {} and the like are looked for",
+                                   true_file(frames.front()).filename().string()));
+  }
+
   [[nodiscard]] cv::Mat nothing() const { return cv::Mat::zeros(camera_.height, camera_.width, CV_8UC1); }
 
   [[nodiscard]] cv::Mat mask(std::size_t i) {
@@ -118,12 +142,15 @@ class MaskFaults {
   }
 
   /// What moves, or where nothing is known to move the object instead.
-  [[nodiscard]] cv::Mat right_mask(std::size_t i) const {
-    return fs::is_directory(truth_) ? true_mask(i) : object_mask(i);
-  }
-  [[nodiscard]] cv::Mat true_mask(std::size_t i) const {
-    const fs::path file = truth_ / (sequence_.frames[i].stamp + ".png");
-    if (!fs::exists(file)) return nothing();
+  [[nodiscard]] cv::Mat right_mask(std::size_t i) { return has_truth_ ? true_mask(i) : object_mask(i); }
+  [[nodiscard]] fs::path true_file(const FrameRecord& frame) const { return truth_ / (frame.stamp + ".png"); }
+  [[nodiscard]] cv::Mat true_mask(std::size_t i) {
+    const fs::path file = true_file(sequence_.frames[i]);
+    if (!has_truth_) return nothing();
+    if (!fs::exists(file)) {
+      ++report_.without_truth;
+      return nothing();
+    }
     const cv::Mat mask = read_image(file, cv::IMREAD_GRAYSCALE) != 0;
     if (mask.size() != cv::Size(camera_.width, camera_.height))
       throw InputError(file.string(), 0, "is not of the camera's size");
@@ -206,7 +233,9 @@ class MaskFaults {
   CameraConfig camera_;
   SplitMix64 random_;
   fs::path truth_;
+  bool has_truth_ = false;
   Ball object_;
+  MaskFaultReport report_;
 };
 
 }  // namespace
@@ -217,9 +246,9 @@ std::optional<MaskFault> parse_mask_fault(std::string_view name) {
   return static_cast<MaskFault>(found - kMaskFaultNames.begin());
 }
 
-void write_mask_faults(const MaskFaultOptions& options,
-                       const std::function<void(std::size_t, std::size_t)>& progress) {
-  MaskFaults(options).write(progress);
+MaskFaultReport write_mask_faults(const MaskFaultOptions& options,
+                                  const std::function<void(std::size_t, std::size_t)>& progress) {
+  return MaskFaults(options).write(progress);
 }
 
 }  // namespace dynslam::runtime

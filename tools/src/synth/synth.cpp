@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <exception>
@@ -233,10 +234,19 @@ nlohmann::json to_json(const SynthOptions& options) {
           {"height", options.height}};
 }
 
-/// Refuses a folder with a sequence that this program did not make: its ground truth would be lost.
+constexpr std::array kImageFolders{"rgb", "depth", "label", "instance", "dynamic_mask", "box_mask"};
+
+/// Refuses a folder with a sequence that this program did not make: its ground truth and images would be
+/// lost.
 void check_folder(const fs::path& out) {
   if (fs::exists(out / "synth.json")) return;
-  for (const char* list : {"rgb.txt", "depth.txt", "associations.txt", "groundtruth.txt", "camera.txt"}) {
+  for (const char* folder : kImageFolders) {
+    if (count_pngs(out / folder) > 0)
+      throw InputError((out / folder).string(), 0,
+                       "holds images that `dynslam synth` did not make (no synth.json beside it); they would "
+                       "be lost");
+  }
+  for (const char* list : kSequenceFiles) {
     if (fs::exists(out / list))
       throw InputError(
           (out / list).string(), 0,
@@ -250,9 +260,12 @@ void check_folder(const fs::path& out) {
 void synthesize(const SynthOptions& options, const fs::path& out,
                 const std::function<void(int, int)>& progress) {
   check(options);
+  make_folder(out);
+  const FileHandle lock = lock_folder(out);
   check_folder(out);
-  for (const char* folder : {"rgb", "depth", "label", "instance", "dynamic_mask", "box_mask"})
-    make_folder(out / folder);
+  begin_sequence(out, kImageFolders);
+  write_file(out / "synth.json",
+             to_json(options).dump(2) + "\n");  // of the images that follow, should it end
   synth::Random random(options.seed * 0x2545F491ULL + 3);
   const synth::Shake shake(random);
   const Plan lists = plan(options, shake);
@@ -260,7 +273,6 @@ void synthesize(const SynthOptions& options, const fs::path& out,
   in_parallel(
       options.frames, [&](int i) { photographer.take(i); }, progress);
 
-  write_file(out / "synth.json", to_json(options).dump(2) + "\n");
   write_file(out / "rgb.txt", lists.rgb);
   write_file(out / "depth.txt", lists.depth);
   write_file(out / "associations.txt", lists.associations);
@@ -273,6 +285,7 @@ void synthesize(const SynthOptions& options, const fs::path& out,
   camera.depth_units_per_metre = kDepthUnits;
   camera.readout_time = options.readout_time;
   write_file(out / "camera.txt", camera_text(camera));
+  fs::remove(out / kUnfinished);
 }
 
 }  // namespace dynslam::runtime

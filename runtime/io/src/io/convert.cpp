@@ -3,9 +3,12 @@
 
 #include <fmt/format.h>
 
+#include <array>
+#include <map>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/atomic_file.hpp"
@@ -21,11 +24,11 @@ namespace fs = std::filesystem;
 namespace dynslam::runtime {
 namespace {
 
-constexpr const char* kUnfinished = "unfinished.txt";  // in a folder that is not yet whole
-
 /// The lines of the lists of a sequence.
 struct Lists {
   std::string colour, depth, pairs;
+  /// Which depth image, by name and number, a new file is of.
+  std::map<std::string, std::pair<std::string, std::size_t>> depth_files{};
 };
 
 std::string seconds(double t, std::int64_t ns) {
@@ -60,14 +63,29 @@ cv::Mat scaled_depth(const cv::Mat& metres, cv::Size size, double units, Convert
   return scaled;
 }
 
+/// The new file of a frame's depth: under the time of depth or, where that is another image's, too, under
+/// both times. Colour's alone might be another image's time of depth.
+/// @return the file, and whether no frame before has it
+std::pair<std::string, bool> depth_file_of(const FrameRecord& record, const std::string& t,
+                                           const std::string& t_depth, Lists& lists) {
+  const std::pair image(record.depth.string(), record.depth_number);
+  std::string file = "depth/" + t_depth + ".png";
+  const auto [place, added] = lists.depth_files.emplace(file, image);
+  if (added || place->second == image) return {std::move(file), added};
+  file = fmt::format("depth/{}_{}.png", t_depth, t);
+  lists.depth_files.emplace(file, image);
+  return {std::move(file), true};
+}
+
 void write_frame(const RgbdFrame& frame, const FrameRecord& record, cv::Size size, double units,
                  const fs::path& out, Lists& lists, ConvertReport& report) {
   const std::string t = seconds(record.t_rgb, record.ns), t_depth = seconds(record.t_depth, 0);
-  const std::string colour = "rgb/" + t + ".png", depth = "depth/" + t_depth + ".png";
+  const std::string colour = "rgb/" + t + ".png";
+  const auto [depth, is_new] = depth_file_of(record, t, t_depth, lists);
   write_image(out / colour, scaled_colour(frame.bgr, size));
   write_image(out / depth, scaled_depth(frame.depth, size, units, report));
   lists.colour += fmt::format("{} {}\n", t, colour);
-  lists.depth += fmt::format("{} {}\n", t_depth, depth);
+  if (is_new) lists.depth += fmt::format("{} {}\n", t_depth, depth);
   lists.pairs += fmt::format("{} {} {} {}\n", t, colour, t_depth, depth);
 }
 
@@ -78,21 +96,10 @@ void check(const fs::path& out, cv::Size size, std::size_t every) {
     throw UsageError(
         fmt::format("images of {}x{}: each side must be from 64 to 8192 pixels", size.width, size.height));
   std::error_code error;
-  const bool begun = fs::is_regular_file(out / kUnfinished, error);
+  const bool begun = fs::is_regular_file(out / kUnfinished, error) &&
+                     !fs::exists(out / "synth.json", error);  // which `synth` has begun
   if (!begun && fs::exists(out, error) && !(fs::is_directory(out, error) && fs::is_empty(out, error)))
     throw InputError(out.string(), 0, "is not an empty folder: choose another one");
-}
-
-/// Makes the folder ready for images. What an interrupted conversion left in it is made anew.
-void begin(const fs::path& out) {
-  make_folder(out);
-  write_file(out / kUnfinished, "This conversion was not finished; the same command begins it anew.\n");
-  for (const char* images : {"rgb", "depth"}) {
-    make_folder(out / images);
-    for (const auto& file : fs::directory_iterator(out / images)) {
-      if (file.path().extension() == ".png") fs::remove(file.path());
-    }
-  }
 }
 
 }  // namespace
@@ -123,7 +130,7 @@ ConvertReport convert_sequence(const Sequence& sequence, const CameraConfig& cam
   check(out, size, options.every);
   make_folder(out);
   const FileHandle lock = lock_folder(out);
-  begin(out);
+  begin_sequence(out, std::array{"rgb", "depth"});
   Sequence taken;
   for (std::size_t i = 0; i < sequence.frames.size(); i += options.every)
     taken.frames.push_back(sequence.frames[i]);

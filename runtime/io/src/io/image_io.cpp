@@ -5,10 +5,12 @@
 
 #include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <span>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -148,6 +150,14 @@ void write_image(const std::filesystem::path& path, const cv::Mat& image) {
   file.stream().write(reinterpret_cast<const char*>(encoded.data()),
                       static_cast<std::streamsize>(encoded.size()));
   file.commit(OnDisk::eventually);  // thousands of masks: the system may take its time
+}
+
+std::size_t count_pngs(const std::filesystem::path& folder) {
+  std::size_t count = 0;
+  std::error_code error;
+  for (std::filesystem::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
+    count += it->path().extension() == ".png" ? 1 : 0;
+  return count;
 }
 
 }  // namespace dynslam::runtime

@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/atomic_file.hpp"
 
 namespace dynslam::runtime {
 
@@ -27,6 +28,17 @@ FileHandle lock_folder(const fs::path& path) {
     throw InputError(path.string(), 0,
                      "is where another process writes its results now: choose another folder");
   return folder;
+}
+
+void begin_sequence(const fs::path& out, std::span<const char* const> image_folders) {
+  write_file(out / kUnfinished, "This sequence was not finished; the same command begins it anew.\n");
+  for (const char* file : kSequenceFiles) fs::remove(out / file);
+  for (const char* images : image_folders) {
+    make_folder(out / images);
+    for (const auto& file : fs::directory_iterator(out / images)) {
+      if (file.path().extension() == ".png") fs::remove(file.path());
+    }
+  }
 }
 
 void check_is_folder(const fs::path& path) {

@@ -127,6 +127,13 @@ Sequence load_sequence(const fs::path& root, const SequenceOptions& options) {
   if (has_control(root.string()))
     throw InputError(root.string(), 0,
                      "has a control character in its name, which no list of names can hold");
+  std::error_code error;
+  if (fs::exists(root / kUnfinished, error))
+    throw InputError(
+        root.string(), 0,
+        fmt::format("is not whole ({}): the command that makes it was interrupted, and begins it "
+                    "anew when called again, or is still at work",
+                    kUnfinished));
   const Format& format = format_of(root, options.format);
   const bool recording = std::find(kRecordings.begin(), kRecordings.end(), &format) != kRecordings.end();
   if (!options.topics.empty() && !recording)

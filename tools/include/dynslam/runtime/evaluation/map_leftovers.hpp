@@ -24,7 +24,7 @@ struct MapLeftovers {
 /// voxels that are the floor's.
 /// @param run       folder of a run, with a map
 /// @param sequence  folder of the sequence
-/// @throws InputError  no map, no trajectory, no masks, unreadable images
+/// @throws InputError  no map, no trajectory, no masks or none of a frame with a pose, unreadable images
 [[nodiscard]] MapLeftovers map_leftovers(const std::filesystem::path& run,
                                          const std::filesystem::path& sequence,
                                          const SequenceOptions& options = {});

@@ -52,12 +52,24 @@ struct MaskFaultOptions {
   std::uint64_t seed = 1;  ///< of the blobs
 };
 
+/// What write_mask_faults() did.
+struct MaskFaultReport {
+  std::size_t masks = 0;   ///< written
+  std::size_t marked = 0;  ///< of them, those that mark anything
+  std::size_t without_truth =
+      0;                     ///< of them, those of a frame without a true mask, as if nothing moved there
+  bool no_truth = false;     ///< true masks are part of the fault, and the sequence has no dynamic_mask/
+  std::size_t replaced = 0;  ///< PNG files that the folder held under the same names
+  std::size_t left = 0;      ///< and those of other names, which it still holds
+};
+
 /// Writes wrong masks for a sequence. The true ones are those of its dynamic_mask/, where it has it; where
 /// not, the object's stand for them (mirrored, late, shifted). The object is what lies within a ball around
 /// the middle of the view halfway through the sequence and fills a quarter of that view.
-/// @throws InputError  no ground truth, unreadable images, a folder that cannot be made
-void write_mask_faults(const MaskFaultOptions& options,
-                       const std::function<void(std::size_t done, std::size_t total)>& progress);
+/// @throws InputError  no ground truth, a dynamic_mask/ without a mask of any frame, unreadable images, a
+///         folder that cannot be made
+MaskFaultReport write_mask_faults(const MaskFaultOptions& options,
+                                  const std::function<void(std::size_t done, std::size_t total)>& progress);
 
 }  // namespace dynslam::runtime
 

@@ -37,7 +37,10 @@ struct SynthOptions {
 /// associations.txt, groundtruth.txt (exact), camera.txt, and the truth of segmentation: label/
 /// (8 bit, see Label), instance/ (16 bit), dynamic_mask/ and box_mask/ (255 = visible mover, carried or
 /// moving box), synth.json. The same options give the same bytes, whatever the number of threads.
-/// @throws UsageError for impossible options, InputError when `out` cannot be written
+/// @param out  a new folder, or one that this function has filled or begun to fill: what it made there is
+///             removed. It holds unfinished.txt until it is whole.
+/// @throws UsageError for impossible options, InputError when `out` cannot be written, holds a sequence or
+///         images that synthesize() did not make, or is where another process writes now
 void synthesize(const SynthOptions& options, const std::filesystem::path& out,
                 const std::function<void(int done, int total)>& progress = {});
 

@@ -31,9 +31,9 @@ struct ConvertReport {
 };
 
 /// Writes a sequence of any format as a folder of TUM's layout: PNG images, associations.txt, rgb.txt,
-/// depth.txt, camera.txt and, where there is one, groundtruth.txt. Times are kept; depth in the camera's
-/// units, what it says to be none as 0. Colour is scaled by averaging or bicubic, depth by the nearest pixel,
-/// the camera with them.
+/// depth.txt, camera.txt and, where there is one, groundtruth.txt. Times are kept, and name the files (depth
+/// of a time that another image has: both times); depth in the camera's units, what it says to be none as 0.
+/// Colour is scaled by averaging or bicubic, depth by the nearest pixel, the camera with them.
 /// @param out  a new or empty folder, or one that an interrupted conversion left (it holds unfinished.txt)
 /// @throws UsageError  an image of less than 64 or more than 8192 pixels a side, `every` of 0
 /// @throws InputError  `out` holds something or cannot be written; more than half of the frames are broken

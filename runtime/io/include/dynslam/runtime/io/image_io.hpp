@@ -4,6 +4,7 @@
 #include "dynslam/push_macros.hpp"
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -53,6 +54,9 @@ class EncodedImage {
 /// Writes an image by the extension of `path` (PNG: fast compression), whole or not at all. @throws
 /// InputError
 void write_image(const std::filesystem::path& path, const cv::Mat& image);
+
+/// PNG files in a folder; 0 where there is no such folder.
+[[nodiscard]] std::size_t count_pngs(const std::filesystem::path& folder);
 
 }  // namespace dynslam::runtime
 

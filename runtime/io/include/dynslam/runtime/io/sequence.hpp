@@ -94,7 +94,8 @@ struct SequenceFormat {
 
 /// Reads a sequence's lists, camera and ground truth; images are not decoded. A camera file in the folder
 /// (camera_file_in()) goes before the camera of the format.
-/// @throws InputError  a folder of no known format, or of several; files that are missing or malformed
+/// @throws InputError  a folder of no known format, or of several, or one that is not yet whole
+///         (unfinished.txt); files that are missing or malformed
 /// @throws UsageError  an unknown name of a format
 [[nodiscard]] Sequence load_sequence(const std::filesystem::path& root, const SequenceOptions& options = {});
 
