@@ -215,6 +215,10 @@ TEST_CASE("a configuration's mistakes are named with file, line, what was expect
            Wrong{"[tracker.geometry.belief.free_space]\nlags = [0.1, 0.2]\n",
                  "expected an array of 7 numbers"},
            Wrong{"[segmentation.segmenter]\ninput = [640,\n", "c.toml:2: array: encountered end-of-file"},
+           Wrong{"[general]\ncamera = \"a\\u0000b\"\n", "c.toml:2: general.camera has a NUL character"},
+           Wrong{"\n\"ma\\u0000sks\" = 1\n", "c.toml:2: ma\\x00sks has a NUL character"},
+           Wrong{"[segmentation.segmenter]\ndynamic_classes = [\"a\", \"\\u0000\"]\n",
+                 "c.toml:2: segmentation.segmenter.dynamic_classes has a NUL character"},
            Wrong{"[general\n", "c.toml:1: table header: expected ']', saw '\\n'"},
            Wrong{"[general]\nmap\n", "c.toml:2: key-value pair: expected '=', saw '\\n'"},
        }) {

@@ -106,6 +106,9 @@ TEST_CASE("a damaged pipe is refused with the frame and the reason") {
   CHECK(test::mentions(pipe_refusal("\x89PNG\r\n"), "does not begin with"));
   CHECK(test::mentions(pipe_refusal("dynslam-frames 2\nfr3\n"),
                        "is a stream of version 2, this program reads version 1"));
+  for (const char* lines : {"dynslam-frames 1\r\nfr3\r\n", "dynslam-frames 1\nfr3\r\n"})
+    CHECK(test::mentions(pipe_refusal(lines),
+                         "lines end in \\r\\n: the two before the frames end in \\n alone"));
   CHECK(pipe_refusal("dynslam-frames 1\nfr3") == "standard input: has no line with the camera");
   CHECK(test::mentions(pipe_refusal("dynslam-frames 1\nwidth=8 fx=x\n"), "standard input, camera:2: "));
   CHECK(pipe_refusal(kPipeHead + good) == "");

@@ -183,6 +183,14 @@ TEST_CASE("broken sequences are refused with the file") {
     REQUIRE(sequence.notes.size() == 1);
     CHECK(mentions(sequence.notes[0], "groundtruth.txt:1: expected 8 columns"));
   }
+  SUBCASE("a ground truth that is a link to itself") {
+    std::filesystem::remove(tum.path / "groundtruth.txt");
+    std::filesystem::create_symlink("groundtruth.txt", tum.path / "groundtruth.txt");
+    const Sequence sequence = load_sequence(tum.path);
+    CHECK(sequence.groundtruth.empty());
+    REQUIRE(sequence.notes.size() == 1);
+    CHECK(mentions(sequence.notes[0], "groundtruth.txt: "));
+  }
 }
 
 TEST_CASE("a frame decodes to colour, grey and metres; each kind of damage is told") {

@@ -89,6 +89,19 @@ TEST_CASE("map export makes clouds and meshes, which Open3D reads") {
   check_one_line_error(command + "--mesh " + folder + "/m.stl", 2, "a mesh's extension is .ply");
   check_one_line_error(command + "--mesh " + saved.map, 2, "is the map itself");
 
+  std::filesystem::create_directory_symlink(".", saved.path / "same");
+  const std::string both = folder + "/b.ply", grid = folder + "/b.pgm";
+  for (const std::string& two :
+       {"--pointcloud " + both + " --mesh " + folder + "/same/b.ply", both + " --mesh " + both,
+        both + " --grid " + grid + " --mesh " + folder + "/b.yaml"}) {
+    check_one_line_error(command + two, 2, "is named for two outputs");
+    CHECK_FALSE(std::filesystem::exists(both));
+  }
+  REQUIRE(shell("mkfifo " + folder + "/pipe.ply").code == 0);
+  check_one_line_error(command + both + " --mesh " + folder + "/pipe.ply", 1,
+                       "pipe.ply: is not a regular file");
+  CHECK_FALSE(std::filesystem::exists(both));
+
   // Debian's python3-open3d, where it is installed.
   const std::string python = "/usr/bin/python3 -c ";
   if (shell(python + "'import open3d' 2>/dev/null").code != 0) {
@@ -113,6 +126,21 @@ TEST_CASE("map export makes clouds and meshes, which Open3D reads") {
                             std::to_string(classes["classes"]["chair"]["voxels"].get<int>()) + " True\n";
   const std::string triangles = r.out.substr(0, r.out.find(' '));
   CHECK(read.out == cloud + cloud + triangles + " True True\n");
+}
+
+TEST_CASE("what is made of a map without occupied voxels is told to be empty") {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.path.string(), map = path + "/map.sot";
+  interop::SemanticOcTree tree(0.05);
+  runtime::save_map(tree, map);
+  const std::string warning =
+      "dynslam: warning: " + map + ": has no occupied voxel, so there is nothing to see in " + path;
+  ProgramResult r = call("map export " + map + " " + path + "/a.ply --pointcloud " + path + "/b.pcd");
+  CHECK(r.code == 0);
+  CHECK(r.out == warning + "/a.ply, " + path + "/b.pcd\n");
+  r = call("map render " + map + " " + path + "/a.png");
+  CHECK(r.code == 0);
+  CHECK(r.out == warning + "/a.png\n");
 }
 
 TEST_CASE("map query answers about points, boxes, rays and obstacles, fine and coarse") {

@@ -161,6 +161,7 @@ int MapCommand::run() const {
     rt::write_image(o.out,
                     rt::render_map(*tree, view,
                                    o.colours == "height" ? rt::MapColours::height : rt::MapColours::classes));
+    warn_if_empty(*tree, o.file, {o.out});
     return 0;
   }
   return o.run_query();

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <iostream>
 #include <numbers>
+#include <set>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -15,6 +16,7 @@
 #include "dynslam/runtime/error.hpp"
 #include "dynslam/runtime/io/map_geometry.hpp"
 #include "dynslam/runtime/io/map_grid.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
 #include "validators.hpp"
 #include "warnings.hpp"
 
@@ -53,12 +55,38 @@ std::unique_ptr<interop::SemanticOcTree> load_checked_map(const std::filesystem:
   return tree;
 }
 
+void warn_if_empty(const interop::SemanticOcTree& tree, const std::filesystem::path& map,
+                   const std::vector<std::filesystem::path>& made) {
+  if (made.empty() || rt::has_occupied(tree)) return;
+  std::string files;
+  for (const std::filesystem::path& file : made) files += (files.empty() ? "" : ", ") + file.string();
+  warn({fmt::format("{}: has no occupied voxel, so there is nothing to see in {}", map.string(), files)});
+}
+
 void check_other_file(const std::filesystem::path& map, const std::filesystem::path& out) {
   std::error_code error;
   if (!out.empty() && std::filesystem::equivalent(map, out, error))
     throw rt::UsageError(
         fmt::format("{} is the map itself, which would be lost: name another file to make", out.string()));
 }
+
+namespace {
+
+/// Before anything is written: nothing is lost, neither the map nor one output to another.
+void check_outputs(const std::filesystem::path& map, const std::vector<std::filesystem::path>& files) {
+  std::set<std::filesystem::path> places;
+  for (const std::filesystem::path& file : files) {
+    check_other_file(map, file);
+    rt::check_regular_file(file);
+    std::error_code error;  // of a path that cannot be written
+    const auto place = std::filesystem::weakly_canonical(std::filesystem::absolute(file), error);
+    if (!error && !places.insert(place).second)
+      throw rt::UsageError(fmt::format(
+          "{} is named for two outputs, one of which would be lost: name another file", file.string()));
+  }
+}
+
+}  // namespace
 
 struct MapExport::Options {
   std::filesystem::path out, grid_file, cloud, mesh;
@@ -112,8 +140,12 @@ void MapExport::run(const std::filesystem::path& map) const {
   const Options& o = *o_;
   if (o.out.empty() && o.grid_file.empty() && o.cloud.empty() && o.mesh.empty())
     throw rt::UsageError("map export needs a file to make: OUT, --grid, --pointcloud or --mesh");
-  for (const std::filesystem::path& file : {o.out, o.grid_file, o.cloud, o.mesh}) check_other_file(map, file);
-  if (!o.grid_file.empty()) check_other_file(map, rt::yaml_of_grid(o.grid_file));
+  std::vector<std::filesystem::path> made;  // by the map's voxels
+  for (const std::filesystem::path& file : {o.out, o.cloud, o.mesh})
+    if (!file.empty()) made.push_back(file);
+  std::vector<std::filesystem::path> files = made;
+  if (!o.grid_file.empty()) files.insert(files.end(), {o.grid_file, rt::yaml_of_grid(o.grid_file)});
+  check_outputs(map, files);
   const auto tree = load_checked_map(map);
   const rt::MapClasses classes = rt::load_map_classes(map);
   if (!o.out.empty()) rt::export_map(*tree, o.out, classes);
@@ -122,6 +154,7 @@ void MapExport::run(const std::filesystem::path& map) const {
     const std::size_t triangles = rt::save_mesh(*tree, o.mesh, classes);
     std::cout << fmt::format("{} triangles between occupied and free space\n", triangles);
   }
+  warn_if_empty(*tree, map, made);
   if (o.grid_file.empty()) return;
   rt::MapGridOptions options = o.grid;
   if (!o.band.empty()) {

@@ -45,6 +45,20 @@ void add_entries(const std::string& name, const toml::table& table, std::vector<
   }
 }
 
+/// Whether a value's text has a NUL, at which the system's functions and messages would end it.
+bool has_nul(const toml::node& value) {
+  if (const auto* text = value.as_string()) return text->get().find('\0') != std::string::npos;
+  const toml::array* array = value.as_array();
+  return array != nullptr && std::any_of(array->begin(), array->end(), has_nul);
+}
+
+/// @throws InputError (file, line)
+void check_no_nul(const TomlEntry& entry, const std::string& file) {
+  const std::string name = entry.table + (entry.table.empty() || entry.key.empty() ? "" : ".") + entry.key;
+  if (name.find('\0') != std::string::npos || (entry.value != nullptr && has_nul(*entry.value)))
+    throw InputError(file, entry.line, printable(name) + " has a NUL character");
+}
+
 /// What is wrong, and where.
 InputError error_of(const toml::parse_error& error, std::string_view line, const std::string& file) {
   constexpr std::string_view kUsual = "Error while parsing ";
@@ -103,6 +117,7 @@ TomlFile read_toml(std::string text, const std::string& file) {
       TomlFile toml{std::move(result).table(), {}};
       add_entries({}, toml.root, toml.entries);
       std::ranges::stable_sort(toml.entries, {}, &TomlEntry::line);
+      for (const TomlEntry& entry : toml.entries) check_no_nul(entry, file);
       return toml;
     }
     const std::string_view line = line_at(text, result.error().source().begin.line);

@@ -2,8 +2,11 @@
 #include "dynslam/runtime/io/atomic_file.hpp"
 
 #include <doctest/doctest.h>
+#include <fcntl.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <csignal>
 #include <fstream>
@@ -69,9 +72,8 @@ TEST_CASE("a refusal names the file and the system's reason") {
                        InputError);
   fs::create_directories(folder.path / "taken" / "inside");
   CHECK_THROWS_WITH_AS(write_file(folder.path / "taken", "x"),
-                       ((folder.path / "taken").string() + ": cannot be written: Is a directory").c_str(),
-                       InputError);
-  CHECK(entries(folder.path) == 1);  // and the temporary is gone
+                       ((folder.path / "taken").string() + ": is not a regular file").c_str(), InputError);
+  CHECK(entries(folder.path) == 1);  // and there is no temporary
 }
 
 TEST_CASE("a full disk is told, and the earlier file stays") {
@@ -109,6 +111,28 @@ TEST_CASE("names that others use for temporaries, links among them, are neither 
   CHECK(content(victim) == "precious");
   CHECK(content(path) == "new");
   CHECK(fs::is_symlink(folder.path / "a.tmp"));
+}
+
+TEST_CASE("what is there and no regular file is refused before anything is written, and stays") {
+  const test::TemporaryFolder folder;
+  const fs::path pipe = folder.path / "pipe", link = folder.path / "link", out = folder.path / "stdout";
+  REQUIRE(mkfifo(pipe.c_str(), 0600) == 0);
+  fs::create_symlink("pipe", link);
+  // As /dev/stdout where it goes to a file: under the file's name another one would take its place.
+  const fs::path log = folder.path / "log";
+  const int file = ::open(log.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+  REQUIRE(file >= 0);
+  REQUIRE(::write(file, "lines", 5) == 5);
+  fs::create_symlink("/proc/self/fd/" + std::to_string(file), out);
+  for (const fs::path& path : {pipe, link, out}) {
+    CAPTURE(path.string());
+    CHECK_THROWS_WITH_AS(AtomicFile{path}, (path.string() + ": is not a regular file").c_str(), InputError);
+  }
+  ::close(file);
+  CHECK(fs::is_fifo(fs::symlink_status(pipe)));
+  CHECK(fs::is_symlink(link));
+  CHECK(content(log) == "lines");
+  CHECK(entries(folder.path) == 4);
 }
 
 TEST_CASE("many writers of one file: each reader sees one of their texts, whole") {

@@ -195,6 +195,8 @@ TEST_CASE("what is wrong with a calibration file is said in one line, with its p
   CHECK(changed("data: [500.0, 0.0,", "data: [500.0, 3.0,") ==
         "c:7: camera_matrix.data is not [fx, 0, cx, 0, fy, cy, 0, 0, 1]");
   CHECK(changed("data: [500.0", "data: [0.0") == "c: fx and fy must be positive");  // not calibrated
+  CHECK(changed("data: [500.0", "data: [1e300") ==
+        "c: fx and fy must be at most a thousand widths of the image");
   CHECK(changed("plumb_bob", "double_sphere") ==
         "c:10: distortion_model 'double_sphere' is none of plumb_bob, rational_polynomial, equidistant, "
         "fisheye");

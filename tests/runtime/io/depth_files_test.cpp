@@ -127,6 +127,33 @@ TEST_CASE("TIFF and OpenEXR files of floats are what OpenCV wrote, and promise n
   }
 }
 
+TEST_CASE("a TIFF that cannot be depth is one line with the reason, none of OpenCV's") {
+  const TemporaryFolder folder;
+  const fs::path file = folder.path / "d.tiff";
+  const auto error = [&](const cv::Mat& image, std::size_t cut = 0) {
+    REQUIRE(cv::imwrite(file.string(), image, {cv::IMWRITE_TIFF_COMPRESSION, 1}));
+    if (cut > 0) fs::resize_file(file, fs::file_size(file) - cut);
+    return error_of_reading(file);
+  };
+  CHECK(mentions(error(cv::Mat(48, 64, CV_16SC1, cv::Scalar(900))), "d.tiff: has signed numbers of 16 bits"));
+  CHECK(mentions(error(cv::Mat(48, 64, CV_32SC1, cv::Scalar(900))), "d.tiff: has signed numbers of 32 bits"));
+  CHECK(error(cv::Mat(48, 64, CV_16UC1, cv::Scalar(900))).empty());
+  CHECK(error(cv::Mat(48, 64, CV_8UC3, cv::Scalar(9, 8, 7))).empty());
+  // libtiff writes the directory first where the strips are known, or at the end.
+  std::string content = read_file(file);
+  std::string strips_far = content;
+  REQUIRE(content.substr(0, 2) == "II");
+  for (std::size_t at = 8; at + 12 <= content.size(); ++at) {  // tag 273, StripOffsets, of type LONG or SHORT
+    if (content[at] == '\x11' && content[at + 1] == '\x01' &&
+        (content[at + 2] == 3 || content[at + 2] == 4) && content[at + 3] == 0) {
+      for (std::size_t k = 8; k < 12; ++k) strips_far[at + k] = '\x7F';
+    }
+  }
+  REQUIRE(strips_far != content);
+  std::ofstream(file, std::ios::binary) << strips_far;
+  CHECK(mentions(error_of_reading(file), "d.tiff: is truncated"));
+}
+
 TEST_CASE("depth whose bytes are the channels of a PNG is in metres, and another image is one error") {
   test::FormatFixture fixture("tartanair-2");
   const fs::path file = fixture.root / "depth_lcam_front" / "000000_lcam_front_depth.png";

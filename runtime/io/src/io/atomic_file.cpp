@@ -15,7 +15,9 @@
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
+#include "dynslam/runtime/io/read_file.hpp"
 #include "io/file_handle.hpp"
+#include "io/make_folder.hpp"
 
 namespace dynslam::runtime {
 namespace {
@@ -24,6 +26,20 @@ namespace fs = std::filesystem;
 
 [[noreturn]] void refuse(const fs::path& path, int error) {
   throw InputError(path.string(), 0, "cannot be written: " + std::generic_category().message(error));
+}
+
+/// Refuses what another file must not take the place of: devices, pipes, folders, links to them, and
+/// /dev/stdout, a link to an open file of the process. Another link is replaced itself: its target may be an
+/// input.
+void check_replaceable(const fs::path& path) {
+  check_regular_file(path);
+  constexpr int kMostLinks = 40;  // as Linux has it
+  std::error_code error;
+  fs::path at = path;
+  for (int links = 0; links < kMostLinks && fs::is_symlink(at, error); ++links) {
+    if (lies_in(at.parent_path() / ".", "/proc")) throw InputError(path.string(), 0, "is not a regular file");
+    at = at.parent_path() / fs::read_symlink(at, error);
+  }
 }
 
 }  // namespace
@@ -74,6 +90,7 @@ class AtomicFile::Buffer : public std::streambuf {
 };
 
 AtomicFile::AtomicFile(fs::path path) : path_(std::move(path)), stream_(nullptr) {
+  check_replaceable(path_);
   int file = -1;
   do {  // the name was free a moment ago; where another process was faster, another one
     temporary_ = unused_name_beside(path_, "tmp");

@@ -98,6 +98,9 @@ constexpr double kWidest = 20;  // tangent of 87 degrees
 AnyCamera<double> model_of(const FactReader& facts, int width, int height) {
   const double fx = facts.get("fx"), fy = facts.get("fy"), cx = facts.get("cx"), cy = facts.get("cy");
   if (!(fx > 0 && fy > 0)) facts.fail("fx and fy must be positive");
+  constexpr double kLongest = 1000;  // widths of the image: a twentieth of a degree is seen
+  if (fx > kLongest * width || fy > kLongest * width)
+    facts.fail("fx and fy must be at most a thousand widths of the image");
   const double across = std::max(std::abs(cx), std::abs(width - cx)) / fx;
   const double down = std::max(std::abs(cy), std::abs(height - cy)) / fy;
   if (!(std::max(across, down) <= kWidest))

@@ -97,23 +97,74 @@ void open_npy(Bytes bytes, DepthFile& file) {
   }
 }
 
-/// Width and height are tags 256 and 257 of the first directory.
-void open_tiff(Bytes bytes, DepthFile& file) {
-  const bool big = bytes[0] == 'M';
-  const std::size_t directory = number_at(bytes, 4, 4, big);
-  const std::size_t entries = number_at(bytes, directory, 2, big);
-  constexpr std::size_t kEntry = 12;
-  constexpr std::uint32_t kWidth = 256, kHeight = 257, kShort = 3;
-  for (std::size_t k = 0; k < entries; ++k) {
-    const std::size_t at = directory + 2 + kEntry * k;
-    const std::uint32_t tag = number_at(bytes, at, 2, big);
-    if (tag != kWidth && tag != kHeight) continue;
-    const std::uint32_t value =
-        number_at(bytes, at + 8, number_at(bytes, at + 2, 2, big) == kShort ? 2 : 4, big);
-    const int side = int(std::min<std::uint32_t>(value, 1U << 30));
-    (tag == kWidth ? file.size.width : file.size.height) = side;
+/// The directory of a TIFF's first image.
+class TiffDirectory {
+ public:
+  explicit TiffDirectory(Bytes bytes)
+      : bytes_(bytes), big_(bytes[0] == 'M'), at_(number_at(bytes, 4, 4, big_)) {}
+
+  /// How many numbers an entry has; 0: there is no such entry.
+  [[nodiscard]] std::size_t count(std::uint32_t tag) const {
+    const std::size_t entry = entry_of(tag);
+    return entry == 0 ? 0 : number_at(bytes_, entry + 4, 4, big_);
   }
-  if (file.size.empty()) file.fault = "is damaged: a TIFF without a size";
+  /// Number k of an entry; `otherwise` where it has fewer.
+  [[nodiscard]] std::uint32_t number(std::uint32_t tag, std::size_t k, std::uint32_t otherwise) const {
+    if (k >= count(tag)) return otherwise;
+    constexpr std::uint32_t kByte = 1, kShort = 3;
+    const std::size_t entry = entry_of(tag);
+    const std::uint32_t type = number_at(bytes_, entry + 2, 2, big_);
+    const std::size_t size = type == kByte ? 1 : type == kShort ? 2 : 4;
+    const std::size_t first = size * count(tag) <= 4 ? entry + 8 : number_at(bytes_, entry + 8, 4, big_);
+    return number_at(bytes_, first + size * k, size, big_);
+  }
+
+ private:
+  [[nodiscard]] std::size_t entry_of(std::uint32_t tag) const {
+    constexpr std::size_t kEntry = 12;
+    const std::size_t entries = number_at(bytes_, at_, 2, big_);
+    for (std::size_t k = 0; k < entries; ++k) {
+      const std::size_t entry = at_ + 2 + kEntry * k;
+      if (number_at(bytes_, entry, 2, big_) == tag) return entry;
+    }
+    return 0;
+  }
+
+  Bytes bytes_;
+  bool big_;
+  std::size_t at_;
+};
+
+/// OpenCV says in lines of its own, without the file's name, what it does not decode.
+void open_tiff(Bytes bytes, DepthFile& file) {
+  constexpr std::uint32_t kWidth = 256, kHeight = 257, kBits = 258, kStrips = 273, kStripBytes = 279,
+                          kFormat = 339;
+  constexpr std::uint32_t kUnsigned = 1, kFloat = 3, kMostSide = 1U << 30;
+  const TiffDirectory directory(bytes);
+  file.size = {int(std::min(directory.number(kWidth, 0, 0), kMostSide)),
+               int(std::min(directory.number(kHeight, 0, 0), kMostSide))};
+  if (file.size.empty()) {
+    file.fault = "is damaged: a TIFF without a size";
+    return;
+  }
+  const std::uint32_t bits = directory.number(kBits, 0, 1), format = directory.number(kFormat, 0, kUnsigned);
+  if (!(format == kUnsigned && bits <= 16) && !(format == kFloat && (bits == 32 || bits == 64))) {
+    const std::string_view kind = format == kUnsigned ? "unsigned numbers"
+                                  : format == kFloat  ? "floats"
+                                                      : "signed numbers";
+    file.fault = fmt::format(
+        "has {} of {} bits: TIFF is read with unsigned numbers of at most 16 bits and floats of 32 or 64",
+        kind, bits);
+    return;
+  }
+  for (std::size_t k = 0; k < std::min(directory.count(kStrips), bytes.size()); ++k) {
+    const std::size_t end =
+        std::size_t(directory.number(kStrips, k, 0)) + directory.number(kStripBytes, k, 0);
+    if (end > bytes.size()) {
+      file.fault = "is truncated";
+      return;
+    }
+  }
 }
 
 /// The size is that of the attribute dataWindow: least and greatest x and y.

@@ -44,9 +44,12 @@ std::optional<std::string> read_line(std::istream& in, std::size_t longest) {
   return line;
 }
 
+constexpr const char* kCarriageReturn = "lines end in \\r\\n: the two before the frames end in \\n alone";
+
 /// "fx=500 fy = 500 ...", the keys of a camera file, or what load_camera() takes.
 CameraConfig camera_of_line(const std::string& line, const std::string& name) {
   if (line.find('=') == std::string::npos) {
+    if (line.ends_with('\r')) throw InputError(name, 0, kCarriageReturn);
     try {
       return load_camera(line);
     } catch (const UsageError& error) {
@@ -74,6 +77,7 @@ FramePipe::FramePipe(std::istream& in, std::string name) : in_(in), name_(std::m
   const auto first = read_line(in_, 100);
   if (first != kFramesLine) {
     const bool other = first && first->starts_with("dynslam-frames ");
+    if (other && first->ends_with('\r')) throw InputError(name_, 0, kCarriageReturn);
     throw InputError(
         name_, 0,
         other ? fmt::format("is a stream of version {}, this program reads version 1", first->substr(15))

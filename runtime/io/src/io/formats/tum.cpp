@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <sstream>
+#include <system_error>
 #include <utility>
 
 #include "dynslam/runtime/error.hpp"
@@ -34,7 +35,9 @@ bool has_lists(const fs::path& root) {
 
 void read_truth(Sequence& sequence) {
   const fs::path path = sequence.root / "groundtruth.txt";
-  if (!fs::exists(path)) return;
+  // A link that leads nowhere is there, and cannot be read.
+  std::error_code unreadable;
+  if (fs::symlink_status(path, unreadable).type() == fs::file_type::not_found) return;
   read_optional_truth(sequence, path, [&] { return read_usable_poses(path); });
 }
 

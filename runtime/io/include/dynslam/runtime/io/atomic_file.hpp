@@ -18,10 +18,12 @@ enum class OnDisk { now, eventually };
 /// A file that others see whole or not at all: what is written goes to a temporary file beside it, which
 /// takes its place in commit(). The temporary has a name that no other process or thread uses and is never
 /// opened through a link, so several writers of one file disturb neither each other nor a reader; the last
-/// one counts. Without commit() the temporary is removed and the file stays as it was.
+/// one counts. Without commit() the temporary is removed and the file stays as it was. A link is replaced
+/// itself, and the file that it leads to stays.
 class AtomicFile {
  public:
-  /// @throws InputError naming `path`, with the system's reason
+  /// @throws InputError naming `path`: it is there and no regular file (a device, pipe or folder is never
+  /// replaced), or the system's reason
   explicit AtomicFile(std::filesystem::path path);
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;
