@@ -158,9 +158,8 @@ void open_tiff(Bytes bytes, DepthFile& file) {
     return;
   }
   for (std::size_t k = 0; k < std::min(directory.count(kStrips), bytes.size()); ++k) {
-    const std::size_t end =
-        std::size_t(directory.number(kStrips, k, 0)) + directory.number(kStripBytes, k, 0);
-    if (end > bytes.size()) {
+    const std::size_t begin = directory.number(kStrips, k, 0);  // 0 where the list of strips is cut off
+    if (begin == 0 || begin + directory.number(kStripBytes, k, 0) > bytes.size()) {
       file.fault = "is truncated";
       return;
     }
