@@ -5,8 +5,9 @@
     dynslam masks SEQUENCE --out MASKS
     open3d_odometry.py SEQUENCE [--masks MASKS] [--out TRAJECTORY.txt] [--mesh MESH.ply]
 
-SEQUENCE is what `dynslam convert ANY SEQUENCE` makes: rgb.txt, depth.txt, camera.txt and the images. What moves loses its depth in every
-frame, which takes it out of the odometry and out of the map. The trajectory is in TUM's format, for `dynslam eval`.
+SEQUENCE is what `dynslam convert ANY SEQUENCE` makes: rgb.txt, depth.txt, camera.txt and the images. What moves loses its
+depth in every frame, which takes it out of the odometry and out of the map. The trajectory is in TUM's format, for
+`dynslam eval`.
 Needs Open3D 0.13 or later and numpy (Debian: python3-open3d)."""
 import argparse
 import pathlib

@@ -148,7 +148,7 @@ TEST_CASE_TEMPLATE("a belief in motion fades with time, however frames come, and
 }
 
 TEST_CASE_TEMPLATE(
-    "a depth image taken half a frame beside its pose makes no moving objects of what stands still", S, float,
+    "a depth image taken half a frame beside its pose makes no moving objects of a static scene", S, float,
     double) {
   const auto seeds = [](double unknown) {
     Fixture<S> f;

@@ -89,10 +89,9 @@ pid_t start(const rt::SweepJob& job, const JobPlace& place) {
 
 }  // namespace
 
-JobOutcome run_jobs(const std::vector<const rt::SweepJob*>& jobs, const JobPlace& place, int at_once,
-                    const std::function<void(const rt::SweepJob&, int, const std::string&)>& ended) {
+bool run_jobs(const std::vector<const rt::SweepJob*>& jobs, const JobPlace& place, int at_once,
+              const std::function<void(const rt::SweepJob&, int, const std::string&)>& ended) {
   listen_for_stop();
-  JobOutcome outcome;
   std::map<pid_t, const rt::SweepJob*> running;
   std::size_t next = 0;
   bool told = false;
@@ -110,7 +109,6 @@ JobOutcome run_jobs(const std::vector<const rt::SweepJob*>& jobs, const JobPlace
       try {
         running[start(*job, place)] = job;
       } catch (const rt::InputError& error) {  // the others go on
-        outcome.failed.push_back(job);
         ended(*job, kNotStarted, error.what());
       }
     }
@@ -133,12 +131,10 @@ JobOutcome run_jobs(const std::vector<const rt::SweepJob*>& jobs, const JobPlace
       code = kNotStarted;
       why = error.what();
     }
-    if (code != 0 && stop_signal.load() == 0) outcome.failed.push_back(&job);
     if (stop_signal.load() == 0 || code == 0)
       ended(job, code, why.empty() && code != 0 ? last_line(folder_of(job, place) / "log") : why);
   }
-  outcome.interrupted = stop_signal.load() != 0;
-  return outcome;
+  return stop_signal.load() == 0;
 }
 
 }  // namespace dynslam::app

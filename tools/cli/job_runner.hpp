@@ -17,17 +17,12 @@ struct JobPlace {
   std::string executable;     ///< this program's file
 };
 
-/// What became of jobs.
-struct JobOutcome {
-  std::vector<const runtime::SweepJob*> failed;
-  bool interrupted = false;
-};
-
 /// Runs jobs, so many at a time, each as a process of its own that writes into its folder: what it prints to
 /// `log`, and job.json when it has ended. SIGINT, SIGTERM and SIGHUP end them; no further ones are begun.
 /// One that cannot be started fails, and the others go on.
 /// @param ended  called with each job that has ended, its exit code and, where that is not 0, the reason
-[[nodiscard]] JobOutcome run_jobs(
+/// @return false where a signal ended them
+[[nodiscard]] bool run_jobs(
     const std::vector<const runtime::SweepJob*>& jobs, const JobPlace& place, int at_once,
     const std::function<void(const runtime::SweepJob&, int, const std::string&)>& ended);
 

@@ -77,8 +77,7 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
   app.add_option_function<std::string>(
          "--method", [&o](const std::string& name) { o.tracker.method = *rt::parse_method(name); },
          "paper: masks as in Wen et al. 2021, with guards; full: the belief of motion, surface weights, "
-         "motion "
-         "prior")
+         "motion prior")
       ->default_str("full")
       ->check(CLI::IsMember({"paper", "full"}));
   app.add_option("--map", o.map, "Build and save map.sot")->capture_default_str();
@@ -375,9 +374,9 @@ int AblateCommand::run() const {
     options.out += "-ablation";
   }
   check_used(*o_->command, options);
-  for (const char* mode : {"none", "semantic", "geometric", "both"}) {
+  for (const rt::DynamicsMode mode : rt::kAblationModes) {
     rt::RunOptions run = options;
-    run.out /= mode;
+    run.out /= std::string(to_string(mode));
     check_config_stays(*o_->command, run);
   }
   return ablate_sequence(options);

@@ -114,12 +114,11 @@ int SweepCommand::Options::run_only(const rt::Sweep& sweep, const JobPlace& plac
   if (job == sweep.jobs.end()) throw rt::UsageError(fmt::format("the sweep has no job '{}'", only));
   if (rt::is_done(*job, place.out, place.program)) return 0;
   int exit_code = 0;
-  const JobOutcome outcome =
-      run_jobs({&*job}, place, 1, [&](const rt::SweepJob&, int code, const std::string& why) {
-        exit_code = code;
-        if (code != 0) std::cerr << only << ": " << why << '\n';
-      });
-  return outcome.interrupted ? kInterrupted : exit_code;
+  const bool ended = run_jobs({&*job}, place, 1, [&](const rt::SweepJob&, int code, const std::string& why) {
+    exit_code = code;
+    if (code != 0) std::cerr << only << ": " << why << '\n';
+  });
+  return ended ? exit_code : kInterrupted;
 }
 
 void SweepCommand::Options::write_jobs(const rt::Sweep& sweep, const std::vector<const rt::SweepJob*>& open,
@@ -175,17 +174,17 @@ int SweepCommand::Options::run() const {
     return 0;
   }
   fs::create_directories(place.out);
-  JobOutcome outcome;
   if (!gather) {
     std::cout << fmt::format("{} jobs, {} done, {} to run\n", sweep.jobs.size(), done, open.size())
               << std::flush;
     std::size_t ended = 0;
-    outcome = run_jobs(open, place, jobs, [&](const rt::SweepJob& job, int code, const std::string& why) {
-      std::cout << fmt::format("{}/{} {}: {}\n", ++ended, open.size(), job.name,
-                               code == 0 ? "done" : "FAILED, " + why)
-                << std::flush;
-    });
-    if (outcome.interrupted) {
+    const bool all =
+        run_jobs(open, place, jobs, [&](const rt::SweepJob& job, int code, const std::string& why) {
+          std::cout << fmt::format("{}/{} {}: {}\n", ++ended, open.size(), job.name,
+                                   code == 0 ? "done" : "FAILED, " + why)
+                    << std::flush;
+        });
+    if (!all) {
       std::cerr << "dynslam: interrupted; the same command goes on\n";
       return kInterrupted;
     }

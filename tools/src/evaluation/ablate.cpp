@@ -203,8 +203,7 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
   result.sequence = options.sequence.filename().empty() ? options.sequence.parent_path().filename().string()
                                                         : options.sequence.filename().string();
   result.semantic_skipped = run.masks.empty() && !network;
-  for (const auto mode :
-       {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both}) {
+  for (const DynamicsMode mode : kAblationModes) {
     if (stop.load()) break;
     if (uses_semantic(mode) && result.semantic_skipped) continue;
     const std::string name(to_string(mode));

@@ -20,8 +20,8 @@ struct Speeds {
 };
 
 constexpr double kInterpolatedGap = 0.25;  // between poses, that is interpolated over [s]
-constexpr double kLeastCertain =
-    0.02;  // standard deviation of an offset that is of use [s]: poses pair within it
+/// Largest standard deviation of an offset that is of use [s]: poses pair within it.
+constexpr double kLeastCertain = 0.02;
 
 Speeds speeds_of(Poses poses, double step) {
   Speeds s;

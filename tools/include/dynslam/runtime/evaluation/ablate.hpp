@@ -3,6 +3,7 @@
 
 #include "dynslam/push_macros.hpp"
 
+#include <array>
 #include <atomic>
 #include <filesystem>
 #include <functional>
@@ -27,11 +28,15 @@ struct AblationRow {
   std::optional<MaskReport> masks;  ///< where the sequence has dynamic_mask/ and was run in full
 };
 
+/// In this order, each into a folder of its name.
+inline constexpr std::array kAblationModes{DynamicsMode::none, DynamicsMode::semantic,
+                                           DynamicsMode::geometric, DynamicsMode::both};
+
 /// All modes on one sequence.
 struct Ablation {
   std::string sequence;
   MotionMethod method = MotionMethod::full;
-  std::vector<AblationRow> rows;  ///< in the order none, semantic, geometric, both
+  std::vector<AblationRow> rows;  ///< in the order of kAblationModes
   bool semantic_skipped = false;  ///< no a-priori masks: only none and geometric were run
   bool interrupted = false;       ///< `rows` holds the modes that were finished before
 };
