@@ -11,6 +11,7 @@ among which a loss is none.
 """
 import argparse
 import json
+import os
 import platform
 import re
 import sys
@@ -67,7 +68,10 @@ def per_item(b):
 
 HEAD = ["case", "scalar", OURS, "rival", "its time", "ratio"]
 COUNTED = "instructions per element"
+# Tables behind that of times; each is told by its number of columns or, where these are the same, by its last one.
 MEMORY_HEAD = ["case", "scalar", "who", "GB/s"]
+HEAP_HEAD = ["case", "scalar", "who", "heap, MB"]
+ERROR_HEAD = ["case", "scalar", "who", "error, median", "error, 95 %", "right ones found", "wrong ones among these"]
 
 
 def table(groups):
@@ -105,27 +109,46 @@ def memory_table(groups):
     return rows
 
 
+def error_table(groups):
+    """Rows of ERROR_HEAD: what benchmarks say of their answers' errors."""
+    rows = []
+    for group, members in groups.items():
+        parts = group.split("/")
+        for who, b in members.items():
+            for unit in ("px", "mm"):
+                if f"error_{unit}" in b:
+                    errors = [f"{b[key]:.3f} {unit}" if key in b else "-" for key in (f"error_{unit}", f"error_{unit}_95")]
+                    found = [f"{100 * b[key]:.1f} %" if key in b else "-" for key in ("right", "wrong")]
+                    rows.append(["/".join(parts[:-1]), parts[-1], who, *errors, *found])
+    return rows
+
+
+def heap_table(groups):
+    """Rows of HEAP_HEAD."""
+    return [[*group.rsplit("/", 1), who, f"{b['heap_MB']:.2f}"] for group, members in groups.items()
+            for who, b in members.items() if "heap_MB" in b]
+
+
 def family(row):
     return row[0].split("/")[0]
 
 
 def read_table(path):
-    """What an earlier table says of its machine and build, and its rows, as table() and memory_table() give them."""
-    made_with, rows, memory = [], [], []
+    """What an earlier page says of its machine and build, and the rows of its tables by their heads."""
+    made_with, tables, rows = [], {}, None
     with open(path, encoding="utf-8") as f:
         for line in f:
             if line.startswith("- "):
                 made_with.append(line[2:].rstrip())
-            if not line.startswith("| "):
+            if not line.startswith("|"):
+                rows = None
                 continue
             row = [cell.strip() for cell in line.strip().strip("|").split("|")]
-            if row[: len(HEAD)] == HEAD or row == MEMORY_HEAD:
-                continue
-            if len(row) == len(MEMORY_HEAD):
-                memory.append(row)
-            else:
-                rows.append((row + [""])[: len(HEAD) + 1])
-    return made_with, rows, memory
+            if rows is None:
+                rows = tables.setdefault(tuple(row[:len(HEAD)]) if row[:len(HEAD)] == HEAD else tuple(row), [])
+            elif not line.startswith("|--"):
+                rows.append(row)
+    return made_with, tables
 
 
 def same_machine(made_with, header):
@@ -155,18 +178,26 @@ def main():
         group, who = name.rsplit("/", 1)
         groups.setdefault(group, {})[who] = b
     rows = table({g: m for g, m in groups.items() if not g.startswith("copy/")})
-    memory = memory_table(groups)
+    memory, heap, errors = memory_table(groups), heap_table(groups), error_table(groups)
     header = [f"CPU: {cpu_name()}, {context.get('num_cpus', '?')} cores at {context.get('mhz_per_cpu', '?')} MHz"] + build
     if options.keep:
-        made_with, old_rows, old_memory = read_table(options.keep)
+        made_with, old = read_table(options.keep)
         if not same_machine(made_with, header):
             sys.exit(f"{options.keep}: made on another machine or with another compiler or library than these runs; "
                      "measure all anew")
         anew = {group.split("/")[0] for group in groups}
-        rows += [row for row in old_rows if family(row) not in anew]
-        memory += [row for row in old_memory if family(row) not in anew]
+
+        def kept(head):
+            return [row for row in old.get(tuple(head), []) if family(row) not in anew]
+
+        rows += [(row + [""])[:len(HEAD) + 1] for row in kept(HEAD)]
+        memory += kept(MEMORY_HEAD)
+        heap += kept(HEAP_HEAD)
+        errors += kept(ERROR_HEAD)
     rows.sort(key=lambda row: (row[0] + "/" + row[1], row[3]))
     memory.sort(key=lambda row: (family(row) != "copy", row[0] + "/" + row[1], row[2]))
+    for others in (heap, errors):
+        others.sort(key=lambda row: (row[0] + "/" + row[1], row[2]))
     losses = sum("**" in row[5] for row in rows)
     counted = any(row[6] for row in rows)
     print("# Benchmarks\n")
@@ -180,10 +211,22 @@ def main():
         print("- Instructions per element: this machine counts none (`perf stat -e instructions`)")
     print()
     print("\n".join(markdown(HEAD + [COUNTED], rows) if counted else markdown(HEAD, [row[:6] for row in rows])))
+    if errors:
+        print("\n## Errors\n")
+        print("Of the answers that were timed: F and E, Sampson's distance, H, the transfer error, RMS over the matches that")
+        print("are right, without their noise, of 40 or 1000 scenes; of poses the camera's centre over 40 problems (noise of 1 px,")
+        print("depth as of a structured-light camera). The last two columns are of all inliers.\n")
+        print("\n".join(markdown(ERROR_HEAD, errors)))
+    if heap:
+        print("\n## Memory of maps\n")
+        print("Heap of a map when all scans are in it; `octomap` has colour, ours colour and labels.\n")
+        print("\n".join(markdown(HEAP_HEAD, heap)))
     if any(family(row) == "copy" for row in memory):
         print("\n## Bytes per second\n")
         print("Read and written, of kernels that memory may bound, beside copies (memcpy) of three sizes.\n")
         print("\n".join(markdown(MEMORY_HEAD, memory)))
+    with open(os.path.join(os.path.dirname(__file__), "..", "bench", "peers.md"), encoding="utf-8") as f:
+        print(f"\n{f.read()}", end="")
 
 
 main()

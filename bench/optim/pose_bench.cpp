@@ -3,9 +3,13 @@
 // and with depth; robust with 15 % gross outliers; by consensus with 15 and 40 % of them, with a prediction
 // (pose_consensus, until an outlier-free sample was drawn with a probability of 99 %, as OpenCV does it, or
 // all 120 samples) and without (absolute_pose, with depth and of pixels alone, which is what OpenCV has).
-// Each answer is compared with the truth, and an inlier set
-// with the true one.
+// Each answer is compared with the truth. The counters say how far the camera's centre is off over 40
+// problems of each kind, median and 95 % (`error_mm`, `error_mm_95`), and which share of the right
+// observations the poses explain (`right`, of 1).
+#include <algorithm>
+#include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #ifdef DYNSLAM_BENCH_CERES
@@ -31,8 +35,8 @@ constexpr int kPoints = 300;
 constexpr double kBound = 2.4477;  // [px]: chi-square 95 % of two pixels, as kChiSquare95<2>
 
 template <class S>
-PoseProblem<S> problem_of(double outliers, bool depth) {
-  auto problem = bench::pose_problem<S>(kPoints, outliers);
+PoseProblem<S> problem_of(double outliers, bool depth, std::uint64_t seed) {
+  auto problem = bench::pose_problem<S>(kPoints, outliers, seed);
   if (depth) return problem;
   for (auto& o : problem.observations) o.inv_sigma_z2 = S(0);
   return problem;
@@ -43,15 +47,48 @@ double error_of(const PoseProblem<S>& problem, const SE3<S>& T) {
   return static_cast<double>((T * problem.T_c_w.inverse()).log().norm());
 }
 
-/// Times `solve`, which gives a pose, after its error was found to be small enough.
-template <class S, class Solve>
-void time_pose(benchmark::State& state, const PoseProblem<S>& problem, double largest, const Solve& solve) {
-  const double error = error_of(problem, SE3<S>(solve()));
-  state.counters["error"] = error;
-  if (!(error < largest)) {
-    state.SkipWithError("the pose is wrong");
-    return;
+/// Observations within the bound of the true pose, and those of them that are within it of another pose, too.
+template <class S>
+std::pair<int, int> explained(const PoseProblem<S>& problem, const SE3<S>& T) {
+  const auto camera = bench::camera<S>();
+  const S bound = S(kBound * kBound);
+  std::pair<int, int> of_found{0, 0};
+  for (auto o : problem.observations) {
+    o.inv_sigma_z2 = S(0);
+    if (!(observation_chi2(camera, problem.T_c_w, o) < bound)) continue;
+    ++of_found.first;
+    of_found.second += observation_chi2(camera, T, o) < bound ? 1 : 0;
   }
+  return of_found;
+}
+
+/// Times what `make` makes of a problem, a function that gives the pose, after all its errors were found to
+/// be small enough.
+template <class S, class Make>
+void time_pose(benchmark::State& state, double outliers, bool depth, double largest, const Make& make) {
+  constexpr std::uint64_t kProblems = 40;
+  std::vector<double> errors;
+  double of = 0, found = 0;
+  for (std::uint64_t seed = 0; seed < kProblems; ++seed) {
+    const auto problem = problem_of<S>(outliers, depth, seed);
+    auto solve = make(problem);
+    const SE3<S> T(solve());
+    if (!(error_of(problem, T) < largest)) {
+      state.SkipWithError("the pose is wrong");
+      return;
+    }
+    const Eigen::Matrix<S, 3, 1> off = T.inverse().translation() - problem.T_c_w.inverse().translation();
+    errors.push_back(1e3 * static_cast<double>(off.norm()));
+    const auto [right, explains] = explained(problem, T);
+    of += right;
+    found += explains;
+  }
+  std::sort(errors.begin(), errors.end());
+  state.counters["error_mm"] = errors[errors.size() / 2];
+  state.counters["error_mm_95"] = errors[errors.size() * 95 / 100];
+  state.counters["right"] = found / of;
+  const auto problem = problem_of<S>(outliers, depth, 7);
+  auto solve = make(problem);
   for (auto _ : state) {
     auto pose = solve();
     benchmark::DoNotOptimize(pose);
@@ -62,92 +99,83 @@ void time_pose(benchmark::State& state, const PoseProblem<S>& problem, double la
 
 template <class S, class Kernel>
 void ours(benchmark::State& state, double outliers, bool depth, int rounds, const Kernel& kernel) {
-  const auto problem = problem_of<S>(outliers, depth);
   const auto camera = bench::camera<S>();
   PoseOptions<S> options;
   options.rounds = rounds;
   PoseWorkspace<S> workspace;
-  time_pose(state, problem, 0.002, [&] {
-    return optimize_pose<S>(camera, problem.observations, problem.initial, options, kernel, workspace).T_c_w;
+  time_pose<S>(state, outliers, depth, 0.01, [&](const PoseProblem<S>& problem) {
+    return [&] {
+      return optimize_pose<S>(camera, problem.observations, problem.initial, options, kernel, workspace)
+          .T_c_w;
+    };
   });
 }
 
 #ifdef DYNSLAM_BENCH_CERES
 void ceres_solver(benchmark::State& state, double outliers, bool depth, bool robust) {
-  const auto problem = problem_of<double>(outliers, depth);
-  time_pose(state, problem, 0.01, [&] {
-    return baselines::ceres_pose(bench::camera<double>(), problem.observations, problem.initial, robust);
+  time_pose<double>(state, outliers, depth, 0.01, [&](const PoseProblem<double>& problem) {
+    return [&] {
+      return baselines::ceres_pose(bench::camera<double>(), problem.observations, problem.initial, robust);
+    };
   });
 }
 void ceres_tiny(benchmark::State& state, bool depth) {
-  const auto problem = problem_of<double>(0, depth);
   ceres::TinySolver<baselines::TinyPose> solver;
-  time_pose(state, problem, 0.01, [&] {
-    return baselines::tiny_pose(solver, bench::camera<double>(), problem.observations, problem.initial);
+  time_pose<double>(state, 0, depth, 0.01, [&](const PoseProblem<double>& problem) {
+    return [&] {
+      return baselines::tiny_pose(solver, bench::camera<double>(), problem.observations, problem.initial);
+    };
   });
 }
 #endif
 
 #ifdef DYNSLAM_BENCH_OPENCV
 void refine_lm(benchmark::State& state) {
-  const auto problem = problem_of<double>(0, false);
-  baselines::OpenCvPose rival(bench::camera<double>(), problem.observations);
-  time_pose(state, problem, 0.01, [&] { return rival.refine(problem.initial); });
+  time_pose<double>(state, 0, false, 0.01, [](const PoseProblem<double>& problem) {
+    return [&, rival = baselines::OpenCvPose(bench::camera<double>(), problem.observations)]() mutable {
+      return rival.refine(problem.initial);
+    };
+  });
 }
 #endif
 
-/// True inliers within the bound of the true pose that a pose has within it, too.
-template <class S>
-int true_inliers(const PoseProblem<S>& problem, const SE3<S>& T) {
-  const auto camera = bench::camera<S>();
-  int n = 0;
-  for (auto o : problem.observations) {
-    o.inv_sigma_z2 = S(0);
-    const S bound = S(kBound * kBound);
-    n += observation_chi2(camera, problem.T_c_w, o) < bound && observation_chi2(camera, T, o) < bound ? 1 : 0;
-  }
-  return n;
-}
-
-template <class S, class Solve>
-void time_consensus(benchmark::State& state, const PoseProblem<S>& problem, const Solve& solve) {
-  state.counters["inliers"] = true_inliers(problem, SE3<S>(solve()));
-  state.counters["of"] = true_inliers(problem, problem.T_c_w);
-  time_pose(state, problem, 0.05, solve);
-}
-
 template <class S>
 void ours_consensus(benchmark::State& state, double outliers, double confidence) {
-  const auto problem = problem_of<S>(outliers, true);
   const auto camera = bench::camera<S>();
   PoseConsensusOptions<S> options;
   options.confidence = S(confidence);
   PoseConsensusWorkspace workspace;
-  time_consensus(state, problem, [&] {
-    return pose_consensus<S>(camera, problem.observations, {}, problem.initial, {}, options, workspace).T_c_w;
+  time_pose<S>(state, outliers, true, 0.05, [&](const PoseProblem<S>& problem) {
+    return [&] {
+      return pose_consensus<S>(camera, problem.observations, {}, problem.initial, {}, options, workspace)
+          .T_c_w;
+    };
   });
 }
 template <class S>
 void ours_absolute(benchmark::State& state, double outliers, bool depth) {
-  const auto problem = problem_of<S>(outliers, depth);
   const auto camera = bench::camera<S>();
   AbsolutePoseWorkspace workspace;
   PoseWorkspace<S> refinement;
-  time_consensus(state, problem, [&] {
-    const auto found = absolute_pose<S>(camera, problem.observations, {}, workspace);
-    PoseOptions<S> options;
-    options.rounds = 1;
-    return optimize_pose<S>(camera, problem.observations, found.T_c_w, options,
-                            TDistribution<S>::with_dimension(S(5), 1), refinement)
-        .T_c_w;
+  PoseOptions<S> options;
+  options.rounds = 1;
+  time_pose<S>(state, outliers, depth, 0.05, [&](const PoseProblem<S>& problem) {
+    return [&] {
+      const auto found = absolute_pose<S>(camera, problem.observations, {}, workspace);
+      return optimize_pose<S>(camera, problem.observations, found.T_c_w, options,
+                              TDistribution<S>::with_dimension(S(5), 1), refinement)
+          .T_c_w;
+    };
   });
 }
 
 #ifdef DYNSLAM_BENCH_OPENCV
 void opencv_ransac(benchmark::State& state, double outliers, int method) {
-  const auto problem = problem_of<double>(outliers, true);
-  baselines::OpenCvPose rival(bench::camera<double>(), problem.observations);
-  time_consensus(state, problem, [&] { return rival.ransac(method, kBound); });
+  time_pose<double>(state, outliers, true, 0.1, [=](const PoseProblem<double>& problem) {
+    return [=, rival = baselines::OpenCvPose(bench::camera<double>(), problem.observations)]() mutable {
+      return rival.ransac(method, kBound);
+    };
+  });
 }
 #endif
 

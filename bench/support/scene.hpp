@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include <Eigen/Core>
@@ -18,9 +19,9 @@ template <class S>
   return Pinhole<S>(S(535.4), S(539.2), S(320.1), S(247.6));
 }
 
-/// Points in the view of a camera at `T_c_w`, their pixels with noise of at most half a pixel, depths with
-/// that of a structured-light camera (Khoshelham 2012), and a share of gross outliers, which tell of another
-/// place in the image.
+/// Points in the view of a camera at `T_c_w`, their pixels with normal noise of 1 px, depths with that of a
+/// structured-light camera (Khoshelham 2012), and a share of gross outliers, which tell of another place in
+/// the image.
 template <class S>
 struct PoseProblem {
   SE3<S> T_c_w;
@@ -29,8 +30,8 @@ struct PoseProblem {
 };
 
 template <class S>
-[[nodiscard]] PoseProblem<S> pose_problem(int points, double outliers) {
-  Random random(7);
+[[nodiscard]] PoseProblem<S> pose_problem(int points, double outliers, std::uint64_t seed = 7) {
+  Random random(seed);
   Eigen::Matrix<S, 6, 1> truth;
   truth << S(0.3), S(-0.2), S(0.1), S(0.05), S(-0.1), S(0.2);
   Eigen::Matrix<S, 6, 1> error;
@@ -46,7 +47,7 @@ template <class S>
     const S z = S(random.uniform(0.8, 5.0));
     PoseObservation<S> observation{};
     observation.p_w = T_w_c * Eigen::Matrix<S, 3, 1>(pinhole.ray(x) * z);
-    x += Eigen::Matrix<S, 2, 1>(S(random.uniform(-0.5, 0.5)), S(random.uniform(-0.5, 0.5)));
+    x += Eigen::Matrix<S, 2, 1>(S(random.normal()), S(random.normal()));
     if (random.uniform(0.0, 1.0) < outliers) {
       x = Eigen::Matrix<S, 2, 1>(S(random.uniform(0, 640)), S(random.uniform(0, 480)));
     }

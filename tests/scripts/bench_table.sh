@@ -26,7 +26,7 @@ runs() {
       printf '%s{"name": "%s_mean", "run_type": "aggregate", "aggregate_name": "mean", "cpu_time": 1, "time_unit": "ns"},\n' \
         "$separator" "${pair%=*}"
       printf '{"name": "%s_median", "run_type": "aggregate", "aggregate_name": "median", "cpu_time": %s, ' "${pair%=*}" "${pair#*=}"
-      printf '"time_unit": "ns", "bytes_per_second": 2e9}\n'
+      printf '"time_unit": "ns", "bytes_per_second": 2e9, "heap_MB": 1.5, "error_px": 0.25, "error_px_95": 0.5, "right": 0.9}\n'
       separator=','
     done
     echo ']}'
@@ -41,6 +41,8 @@ has "$work/all.md" '| fast/one | float | 100 ns | rival | 250 ns | 2.50 |'
 has "$work/all.md" '| fast/gone | float | 7 ns | - | - | - |'
 has "$work/all.md" '| slow/one | double | 2 us | rival | 1 us | **0.50** |'
 has "$work/all.md" '| copy/1kB | uint8 | memcpy | 2.00 |'
+has "$work/all.md" '| slow/one | double | rival | 0.250 px | 0.500 px | 90.0 % | - |'
+has "$work/all.md" '| slow/one | double | rival | 1.50 |'
 grep -q 'in bold, 1 of them' "$work/all.md" || fail "the losses are not counted"
 
 # One executable anew: its rows change, go and come; the others and the count of losses stay right.
@@ -52,6 +54,8 @@ has_no "$work/merged.md" 'fast/gone'
 has "$work/merged.md" '| slow/one | double | 2 us | rival | 1 us | **0.50** |'
 has "$work/merged.md" '| copy/1kB | uint8 | memcpy | 2.00 |'
 has "$work/merged.md" '| slow/one | double | dynslam | 2.00 |'
+has "$work/merged.md" '| slow/one | double | rival | 0.250 px | 0.500 px | 90.0 % | - |'
+has "$work/merged.md" '| slow/one | double | rival | 1.50 |'
 grep -q 'in bold, 2 of them' "$work/merged.md" || fail "the losses are not counted again"
 python3 scripts/bench-table.py --keep "$work/merged.md" "$work/build.txt" "$work/a.json" > "$work/again.md"
 cmp "$work/merged.md" "$work/again.md" || fail "the same runs once more give another table"
