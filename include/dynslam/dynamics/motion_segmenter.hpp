@@ -367,8 +367,9 @@ void MotionSegmenter<S, Camera>::remember(const SE3<S>& T_c_w, const M& mask) {
   last_t_ = t_;
   const SE3<S> T = checked_.host ? T_c_w : checked_.T_c_w;
   if (options_.method == MotionMethod::full) belief_.remember(grid_, depth_, t_, depth_pose(T), mask);
-  const bool wanted =
-      reference_.empty() || t_ - reference_t_ >= options_.own_reference.max_age || reference_stale();
+  const bool wanted = reference_.empty() || t_ - reference_t_ >= options_.own_reference.max_age ||
+                      reference_.resting_found() < options_.own_reference.min_resting_found ||
+                      reference_stale();
   if (options_.own_reference.use && wanted) take_reference(T);
 }
 

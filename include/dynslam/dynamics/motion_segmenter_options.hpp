@@ -23,6 +23,8 @@ namespace dynslam {
 struct OwnReferenceOptions {
   bool use = true;               ///< false: the host gives them (set_reference)
   double max_age = 0.7;          ///< views must differ, and still show the same things [s]
+  double min_resting_found = 0.5;  ///< share of its keypoints at rest; with fewer found, a large thing that
+                                   ///< it has no keypoints on has come into view
   int corners_per_keypoint = 4;  ///< that are looked at: many lie on edges of the depth and cannot serve
   CornerOptions corners;         ///< on the pyramid's level 1, where noise is halved
 };

@@ -62,6 +62,11 @@ class ReferenceKeyframe {
   [[nodiscard]] ImageView<const std::uint8_t> gray() const { return pyramid_.image(0); }
   /// Keypoints that track() expected inside the image the last time.
   [[nodiscard]] std::size_t in_view() const { return in_view_; }
+  /// Share of those at rest that track() expected inside the image and found, the last time: where it is
+  /// small, something has come before them. 1 where none was expected.
+  [[nodiscard]] double resting_found() const {
+    return resting_ == 0 ? 1.0 : static_cast<double>(resting_found_) / static_cast<double>(resting_);
+  }
 
   void place(const SE3<S>& T_c_w) { T_c_w_ = T_c_w; }
 
@@ -88,6 +93,7 @@ class ReferenceKeyframe {
       if (p && point.patch.level >= 0) points_.push_back(point);
     }
     in_view_ = points_.size();
+    resting_ = resting_found_ = 0;
   }
 
   /// Finds the keypoints in the present image. Most are where the pose says: a patch looks there first. Only
@@ -100,7 +106,7 @@ class ReferenceKeyframe {
              const ReferenceOptions& options, std::vector<KeypointMatch<S>>& matches) {
     matches.clear();
     matched_.clear();
-    in_view_ = 0;
+    in_view_ = resting_ = resting_found_ = 0;
     if (points_.empty()) return;
     const SE3<S> T_cur_ref = T_c_w * T_c_w_.inverse();
     const Eigen::Matrix<S, 3, 3> R = T_cur_ref.rotation_matrix();
@@ -112,10 +118,13 @@ class ReferenceKeyframe {
       const auto x = camera.project(p_c);
       if (!x || !(x->x() >= border && x->y() >= border && x->x() < right && x->y() < bottom)) continue;
       ++in_view_;
+      const std::size_t rests = point.masked ? 0 : 1;
+      resting_ += rests;
       const auto warp = patch_warp(camera, point.p_ref, p_c, R);
       if (!warp) continue;
       const auto found = find(point, present, *warp, *x, options);
       if (!found) continue;
+      resting_found_ += rests;
       const int u = static_cast<int>(std::lround(found->x())), v = static_cast<int>(std::lround(found->y()));
       const bool inside = u >= 0 && v >= 0 && u < present.image(0).width() && v < present.image(0).height();
       const bool masked = point.masked || (inside && prior.width() > 0 && prior(u, v) != 0);
@@ -169,7 +178,7 @@ class ReferenceKeyframe {
   SE3<S> T_c_w_;
   std::vector<Point> points_;
   std::vector<std::size_t> usable_, matched_;  // keypoints; points of the matches
-  std::size_t in_view_ = 0;
+  std::size_t in_view_ = 0, resting_ = 0, resting_found_ = 0;  // of the last track()
 };
 
 }  // namespace dynslam
