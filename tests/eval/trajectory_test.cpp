@@ -3,6 +3,8 @@
 
 #include <doctest/doctest.h>
 
+#include <limits>
+#include <span>
 #include <vector>
 
 #include "pose_distance.hpp"
@@ -142,6 +144,28 @@ TEST_CASE("a rigidly moved copy has no error; a shaken one has the error it was 
                    p.T_w_c.translation() + 0.01 * Eigen::Vector3d(rng.normal(), rng.normal(), rng.normal()));
   ate = absolute_trajectory_error<double>(estimate, truth);
   CHECK(ate->translation.rmse == doctest::Approx(0.01 * std::sqrt(3.0)).epsilon(0.1));
+}
+
+TEST_CASE_TEMPLATE("a trajectory in one place, as far as the scalar can tell, gives no scale", S, float,
+                   double) {
+  test::Rng rng("scale");
+  std::vector<StampedPose<S>> moving, twice, still;
+  const Eigen::Matrix<S, 3, 1> place(S(1.25), S(-3), S(2));
+  for (const auto& pose : wander(rng, 60)) {
+    const Eigen::Matrix<S, 3, 1> p = pose.T_w_c.translation().cast<S>();
+    moving.push_back({pose.t, SE3<S>(SO3<S>(), p)});
+    twice.push_back({pose.t, SE3<S>(SO3<S>(), Eigen::Matrix<S, 3, 1>(S(2) * p + place))});
+    const Eigen::Matrix<S, 3, 1> rounding = p / p.norm() * std::numeric_limits<S>::epsilon();
+    still.push_back({pose.t, SE3<S>(SO3<S>(), Eigen::Matrix<S, 3, 1>(place + rounding))});
+  }
+  using Poses = std::span<const StampedPose<S>>;
+  const auto sim3 = [](Poses estimate, Poses truth) {
+    return absolute_trajectory_error<S>(estimate, truth, 0.02, Alignment::sim3);
+  };
+  REQUIRE(sim3(moving, twice));
+  CHECK(sim3(moving, twice)->scale == doctest::Approx(2).epsilon(1e-4));
+  CHECK_FALSE(sim3(still, moving));
+  CHECK_FALSE(sim3(moving, still));
 }
 
 TEST_CASE("a steady drift is the relative error per second") {

@@ -167,23 +167,32 @@ enum class Alignment {
 
 namespace detail {
 /// Scale and translation that go with the rotation of least squares.
+/// @return false, with nothing done, where one of the two is in one place, as far as S can tell: a scale
+/// between
+///         them would be none, or lay all on one point
 template <std::floating_point S>
-void scale_alignment(std::span<const Eigen::Matrix<S, 3, 1>> a, std::span<const Eigen::Matrix<S, 3, 1>> b,
-                     SE3<S>& T, S& scale) {
+[[nodiscard]] bool scale_alignment(std::span<const Eigen::Matrix<S, 3, 1>> a,
+                                   std::span<const Eigen::Matrix<S, 3, 1>> b, SE3<S>& T, S& scale) {
   using Vector3 = Eigen::Matrix<S, 3, 1>;
   Vector3 mean_a = Vector3::Zero(), mean_b = Vector3::Zero();
   for (std::size_t k = 0; k < a.size(); ++k) {
     mean_a += a[k] / static_cast<S>(a.size());
     mean_b += b[k] / static_cast<S>(a.size());
   }
-  S common = S(0), own = S(0);
+  S common = S(0), spread_a = S(0), spread_b = S(0), size_a = S(0), size_b = S(0);
   for (std::size_t k = 0; k < a.size(); ++k) {
-    const Vector3 from = a[k] - mean_a;
-    common += (b[k] - mean_b).dot(T.so3() * from);
-    own += from.squaredNorm();
+    const Vector3 from = a[k] - mean_a, to = b[k] - mean_b;
+    common += to.dot(T.so3() * from);
+    spread_a += from.squaredNorm();
+    spread_b += to.squaredNorm();
+    size_a += a[k].squaredNorm();
+    size_b += b[k].squaredNorm();
   }
-  scale = common / own;
+  const S rounding = S(100) * Eigen::NumTraits<S>::epsilon();  // of coordinates, relative
+  if (!(spread_a > rounding * rounding * size_a && spread_b > rounding * rounding * size_b)) return false;
+  scale = common / spread_a;
   T = SE3<S>(T.so3(), Vector3(mean_b - scale * (T.so3() * mean_a)));
+  return true;
 }
 }  // namespace detail
 
@@ -211,7 +220,8 @@ template <std::floating_point S>
     const auto T = horn_alignment<S>(a, b);
     if (!T) return std::nullopt;
     result.T_gt_est = *T;
-    if (alignment == Alignment::sim3) detail::scale_alignment<S>(a, b, result.T_gt_est, result.scale);
+    if (alignment == Alignment::sim3 && !detail::scale_alignment<S>(a, b, result.T_gt_est, result.scale))
+      return std::nullopt;
   }
   for (std::size_t k = 0; k < pairs.size(); ++k) {
     result.times.push_back(t_gt[pairs[k].first]);
