@@ -49,15 +49,6 @@ std::string masks_line(Count& count, const std::string& where) {
                      count.marked == 0 ? "none of the masks marks anything dynamic\n" : "");
 }
 
-/// As `run` and `convert` do, a sequence of which more than half cannot be read is an error.
-void check_broken(const Count& count, const std::string& sequence) {
-  const std::size_t total = count.frames + count.broken.size();
-  if (2 * count.broken.size() > total)
-    throw rt::InputError(sequence, 0,
-                         fmt::format("{} of {} frames cannot be read; the first one: {}", count.broken.size(),
-                                     total, count.broken.front()));
-}
-
 }  // namespace
 
 struct MasksCommand::Options {
@@ -144,7 +135,7 @@ void MasksCommand::Options::of_sequence(Count& count) const {
     write(count, next->frame->stamp, system.track(*next->frame));
     line.show(fmt::format("{}/{} frames", count.frames, frames.frames.size()));
   }
-  check_broken(count, sequence);
+  rt::check_readable(sequence, count.frames + count.broken.size(), count.broken);
 }
 
 void MasksCommand::Options::of_pipe(Count& count) const {

@@ -147,10 +147,7 @@ ConvertReport convert_sequence(const Sequence& sequence, const CameraConfig& cam
     }
     if (progress) progress(next->index + 1, total);
   }
-  if (2 * report.broken.size() > total || report.written == 0)
-    throw InputError(sequence.root.string(), 0,
-                     fmt::format("{} of {} frames cannot be read; the first one: {}", report.broken.size(),
-                                 total, report.broken.empty() ? "there is none" : report.broken.front()));
+  check_readable(sequence.root.string(), total, report.broken);
   write_file(out / "rgb.txt", lists.colour);
   write_file(out / "depth.txt", lists.depth);
   CameraConfig written = scaled_camera(camera, size);

@@ -48,6 +48,14 @@ RgbdFrame decode_frame(const FrameRecord& record, std::size_t index, const Camer
   return frame;
 }
 
+void check_readable(const std::string& sequence, std::size_t frames, std::span<const std::string> broken) {
+  if (frames == 0) throw InputError(sequence, 0, "has no frames");
+  if (2 * broken.size() > frames)
+    throw InputError(sequence, 0,
+                     fmt::format("{} of {} frames cannot be read; the first one: {}", broken.size(), frames,
+                                 broken.front()));
+}
+
 namespace {
 
 /// Does `step` with a frame; a broken frame is the reader's to judge, not the thread's.

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -36,6 +37,11 @@ struct FrameResult {
   std::optional<RgbdFrame> frame;
   std::string error;  ///< one line where `frame` is empty
 };
+
+/// Refuses a sequence without frames, or of which more than half cannot be read.
+/// @param broken  why, a line for each of those
+/// @throws InputError  naming the sequence, and the first of the reasons
+void check_readable(const std::string& sequence, std::size_t frames, std::span<const std::string> broken);
 
 /// Frames of a sequence in order, decoded ahead on a thread of its own and, where asked, prepared on another.
 class FrameStream {
