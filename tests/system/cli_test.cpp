@@ -95,7 +95,10 @@ TEST_CASE("errors are one line on stderr with a non-zero code") {
   check_one_line_error("mask-faults " + path + " " + path + "/f --fault upside-down", 2, "upside-down");
   check_one_line_error("synth " + path + "/s --scenario party", 2, "unknown scenario 'party'");
   check_one_line_error("synth " + path + "/s --size 848", 2, "'848' is not a size as 848x480");
-  check_one_line_error("synth " + path + "/s --size 10x9999", 2, "must be from 64x48 to 4096x4096");
+  check_one_line_error("synth " + path + "/s --size 10x9999", 2, "must be from 64x64 to 4096x4096");
+  check_one_line_error("synth " + path + "/s --size 64x48", 2, "must be from 64x64 to 4096x4096");
+  check_one_line_error("run " + path + "/s --map-memory 1.5", 2,
+                       "'1.5' is not a whole number from 1 to 1000000");
   check_one_line_error("rnu " + path, 2, "unknown command 'rnu', did you mean run?");
   check_one_line_error("run " + path + " --dynamcis none", 2, "--dynamcis, did you mean --dynamics?");
   check_one_line_error("run " + path + " --save-mask --max-frames=2", 2, "did you mean --save-masks?");

@@ -90,7 +90,7 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
          "--map-memory", [&o](const std::size_t& megabytes) { o.map_memory = megabytes << 20U; },
          "MB that the map may take, 1 to 1000000; a run that needs more fails")
       ->default_str("2048")
-      ->check(number_in(1, 1000000));
+      ->check(whole_in(1, 1000000));
   app.add_option("--loops", o.tracker.close_loops, "Close loops")->capture_default_str();
   app.add_flag_callback(
       "--no-loops", [&o] { o.tracker.close_loops = false; }, "As --loops false");
@@ -110,7 +110,7 @@ void add_slam_options(CLI::App& app, rt::RunOptions& o) {
   app.add_option("--seed", o.seed, "Seed of every random choice")->capture_default_str()->check(whole());
   app.add_option("--features", o.tracker.features.features, "Keypoints per image, 100 to 10000")
       ->capture_default_str()
-      ->check(number_in(100, 10000));
+      ->check(whole_in(100, 10000));
   app.add_option("--nu", o.tracker.pose.nu, "Degrees of freedom of the pose optimisation's t-distribution")
       ->capture_default_str()
       ->check(positive());

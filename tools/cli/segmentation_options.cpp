@@ -47,7 +47,7 @@ void add_segmentation_options(CLI::App& app, rt::SegmentationStageOptions& s) {
       ->check(number_in(0.0, 1.0));
   app.add_option("--network-threads", s.segmenter.threads, "Threads of the network, 1 to 64")
       ->capture_default_str()
-      ->check(number_in(1, 64));
+      ->check(whole_in(1, 64));
   app.add_option_function<std::string>(
          "--segment-every", [&s](const std::string& text) { s.every = text == "auto" ? 0 : std::stoi(text); },
          "The network sees every so many frames, or (auto) ten a second; masks are carried between them")

@@ -84,7 +84,7 @@ SweepCommand::SweepCommand(CLI::App& app) : o_(std::make_unique<Options>()) {
       "Folder for the results (default: the file's `out`, or results/NAME beside the file)");
   o.command->add_option("--jobs,-j", o.jobs, "Runs at a time on this machine, 1 to 1024")
       ->capture_default_str()
-      ->check(number_in(1, 1024));
+      ->check(whole_in(1, 1024));
   auto* to = o.command->add_option(
       "--jobs-to", o.jobs_to, "Run nothing: write what is left to run into this file, for others to run");
   o.command

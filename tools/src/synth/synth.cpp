@@ -65,8 +65,8 @@ void check(const SynthOptions& o) {
   if (!(o.fps >= 1 && o.fps <= 240)) throw UsageError("--fps must be from 1 to 240");
   if (!(std::abs(o.readout_time) * o.fps <= 1))
     throw UsageError("--readout-time must not be longer than the time between two frames");
-  if (o.width < 64 || o.width > 4096 || o.height < 48 || o.height > 4096)
-    throw UsageError(fmt::format("--size {}x{}: must be from 64x48 to 4096x4096", o.width, o.height));
+  if (o.width < 64 || o.width > 4096 || o.height < 64 || o.height > 4096)
+    throw UsageError(fmt::format("--size {}x{}: must be from 64x64 to 4096x4096", o.width, o.height));
 }
 
 /// The lists of a sequence, and where the camera is.
