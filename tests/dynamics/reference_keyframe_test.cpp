@@ -15,13 +15,13 @@ using namespace dynslam;
 
 namespace {
 
-constexpr int kWidth = 320, kHeight = 240;
+constexpr int kWallWidth = 320, kWallHeight = 240;
 
 /// A textured wall; its left part, up to column `covered`, behind something of another texture.
 HalvingPyramid<std::uint8_t> wall(int covered, int levels) {
-  Image<std::uint8_t> image(kWidth, kHeight);
-  for (int v = 0; v < kHeight; ++v) {
-    for (int u = 0; u < kWidth; ++u)
+  Image<std::uint8_t> image(kWallWidth, kWallHeight);
+  for (int v = 0; v < kWallHeight; ++v) {
+    for (int u = 0; u < kWallWidth; ++u)
       image(u, v) = static_cast<std::uint8_t>(
           220 *
           test::surface_texture(0.01 * u, 0.01 * v, u < covered ? std::uint64_t(77) : std::uint64_t(5)));
@@ -35,8 +35,9 @@ HalvingPyramid<std::uint8_t> wall(int covered, int levels) {
 template <class S>
 ReferenceKeyframe<S> reference_of(const Pinhole<S>& camera, int moving, const ReferenceOptions& options) {
   std::vector<ReferenceKeypoint<S>> keypoints;
-  for (int v = 20; v < kHeight - 20; v += 12) {
-    for (int u = 20; u < kWidth - 20; u += 12) keypoints.push_back({{S(u), S(v)}, S(2), S(1), u < moving});
+  for (int v = 20; v < kWallHeight - 20; v += 12) {
+    for (int u = 20; u < kWallWidth - 20; u += 12)
+      keypoints.push_back({{S(u), S(v)}, S(2), S(1), u < moving});
   }
   ReferenceKeyframe<S> reference;
   reference.set(camera, wall(0, options.levels), std::span<const ReferenceKeypoint<S>>(keypoints), {},
@@ -62,12 +63,13 @@ TEST_CASE_TEMPLATE("keypoints at rest are found but where something covers them,
   CHECK(at_rest.resting_found() == 1.0);
   const double all = found_after(at_rest, camera, 0, {}, options);  // but those where the texture is too weak
   CHECK(all > 0.8);
-  CHECK(found_after(at_rest, camera, kWidth / 4, {}, options) == doctest::Approx(0.75 * all).epsilon(0.1));
-  CHECK(found_after(at_rest, camera, 3 * kWidth / 4, {}, options) ==
+  CHECK(found_after(at_rest, camera, kWallWidth / 4, {}, options) ==
+        doctest::Approx(0.75 * all).epsilon(0.1));
+  CHECK(found_after(at_rest, camera, 3 * kWallWidth / 4, {}, options) ==
         doctest::Approx(0.25 * all).epsilon(0.2));
   // What stood there moved, and has moved on: all that is at rest is found.
-  const auto moved = reference_of(camera, 3 * kWidth / 4, options);
-  CHECK(found_after(moved, camera, 3 * kWidth / 4, {}, options) == doctest::Approx(all).epsilon(0.05));
+  const auto moved = reference_of(camera, 3 * kWallWidth / 4, options);
+  CHECK(found_after(moved, camera, 3 * kWallWidth / 4, {}, options) == doctest::Approx(all).epsilon(0.05));
 }
 
 TEST_CASE_TEMPLATE("keypoints out of view are not missed", S, float, double) {
