@@ -9,7 +9,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "dynslam/image/depth.hpp"
@@ -33,7 +32,8 @@ struct SupportPlaneOptions {
 struct SupportPlaneWorkspace {
   RegionGrowingWorkspace growing;
   std::vector<PixelRun> runs;
-  std::vector<PixelIndex> rest, samples;
+  std::vector<PixelIndex> rest;
+  std::vector<float> u, v, z, tolerance;  // of the pixels that judge planes
 };
 
 namespace detail {
@@ -41,10 +41,12 @@ namespace detail {
 struct InverseDepthPlane {
   Eigen::Vector3f abc = Eigen::Vector3f::Zero();
   /// Whether a pixel of depth z lies on it.
-  [[nodiscard]] bool holds(PixelIndex p, float z, const SupportPlaneOptions& o) const {
-    const float inverse = abc.x() * static_cast<float>(p.u) + abc.y() * static_cast<float>(p.v) + abc.z();
+  /// @param tolerance  o.base + o.quad z^2 [m]
+  [[nodiscard]] bool holds(float u, float v, float z, float tolerance) const {
+    const float inverse = abc.x() * u + abc.y() * v + abc.z();
     // |z - 1 / inverse| < tolerance, without the division; behind the camera there is no plane.
-    return inverse > 0 && std::abs(z * inverse - 1) < (o.base + o.quad * z * z) * inverse;
+    const bool ahead = inverse > 0, near = std::abs(z * inverse - 1) < tolerance * inverse;
+    return (static_cast<int>(ahead) & static_cast<int>(near)) != 0;  // no branch: it is tried on many
   }
   /// What a pixel at depth 1 m shows of it [m^2]; at depth z it is z^3 times as much.
   template <class Pinhole>
@@ -54,28 +56,37 @@ struct InverseDepthPlane {
   }
 };
 
-/// The plane through most of the samples, by three of them at a time.
-inline InverseDepthPlane dominant_plane(const Image<float>& depth, std::span<const PixelIndex> samples,
-                                        const SupportPlaneOptions& o) {
+/// The plane through most of n of `ws.rest`, evenly taken, by three of them at a time.
+inline InverseDepthPlane dominant_plane(const Image<float>& depth, std::size_t n,
+                                        const SupportPlaneOptions& o, SupportPlaneWorkspace& ws) {
+  // Side by side, so that a plane is tried on several at once.
+  for (auto* values : {&ws.u, &ws.v, &ws.z, &ws.tolerance}) values->resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const PixelIndex p = ws.rest[i * ws.rest.size() / n];
+    const float z = depth(p.u, p.v);
+    ws.u[i] = static_cast<float>(p.u), ws.v[i] = static_cast<float>(p.v), ws.z[i] = z;
+    ws.tolerance[i] = o.base + o.quad * z * z;
+  }
   InverseDepthPlane best;
   int most = 0;
   std::uint32_t state = 1;  // the same draws in every call: results can be reproduced
   const auto draw = [&] {
     state = state * 1664525U + 1013904223U;
-    return samples[static_cast<std::size_t>((std::uint64_t(state) * samples.size()) >> 32)];
+    return static_cast<std::size_t>((std::uint64_t(state) * n) >> 32);
   };
   for (int k = 0; k < o.hypotheses; ++k) {
     Eigen::Matrix3f A;
     Eigen::Vector3f inverse;
     for (int i = 0; i < 3; ++i) {
-      const PixelIndex p = draw();
-      A.row(i) << static_cast<float>(p.u), static_cast<float>(p.v), 1.0F;
-      inverse[i] = 1.0F / depth(p.u, p.v);
+      const std::size_t p = draw();
+      A.row(i) << ws.u[p], ws.v[p], 1.0F;
+      inverse[i] = 1.0F / ws.z[p];
     }
     if (std::abs(A.determinant()) < 1.0F) continue;  // on one line
     const InverseDepthPlane plane{A.inverse() * inverse};
     int inliers = 0;
-    for (const PixelIndex& p : samples) inliers += plane.holds(p, depth(p.u, p.v), o) ? 1 : 0;
+    for (std::size_t i = 0; i < n; ++i)
+      inliers += static_cast<int>(plane.holds(ws.u[i], ws.v[i], ws.z[i], ws.tolerance[i]));
     if (inliers > most) most = inliers, best = plane;
   }
   return best;
@@ -108,10 +119,12 @@ void split_supports(const Pinhole& pinhole, const Image<float>& depth, const Ste
       }
       for (int k = 0; k < options.planes && ws.rest.size() >= static_cast<std::size_t>(options.least); ++k) {
         const auto n = std::min(ws.rest.size(), static_cast<std::size_t>(options.samples));
-        ws.samples.clear();
-        for (std::size_t i = 0; i < n; ++i) ws.samples.push_back(ws.rest[i * ws.rest.size() / n]);
-        const detail::InverseDepthPlane found = detail::dominant_plane(depth, ws.samples, options);
-        const auto off = [&](const PixelIndex& p) { return !found.holds(p, depth(p.u, p.v), options); };
+        const detail::InverseDepthPlane found = detail::dominant_plane(depth, n, options, ws);
+        const auto off = [&](const PixelIndex& p) {
+          const float z = depth(p.u, p.v);
+          return !found.holds(static_cast<float>(p.u), static_cast<float>(p.v), z,
+                              options.base + options.quad * z * z);
+        };
         std::size_t on = 0;
         double cubes = 0;
         for (const PixelIndex& p : ws.rest) {
