@@ -63,6 +63,12 @@ TEST_CASE(
     CHECK(mentions(report->notes[0], "are all in one place, which leaves the rotation or the scale"));
   }
   CHECK(mentions(tiny_truth.notes[0], "no ATE: the positions of g "));
+  // In one place but for less than a micrometre, which a similarity would blow up to the whole way.
+  for (auto& pose : tiny)
+    pose.T_w_c = SE3d(SO3d(), Eigen::Vector3d(1, 2, 3) + 1e292 * pose.T_w_c.translation());
+  const TrajectoryReport trembling = of(tiny, Alignment::sim3);
+  CHECK(trembling.ate.pairs == 0);
+  CHECK(mentions(trembling.notes.at(0), "no ATE: the positions of e are all in one place"));
   // Shorter than the interval of the RPE.
   const TrajectoryReport brief = evaluate_trajectory(std::span(moving).first(20), moving, "e", "g");
   CHECK(brief.ate.translation.rmse < 1e-9);

@@ -126,6 +126,12 @@ PairedPoints paired_points(Trajectory estimate, Trajectory groundtruth) {
   return points;
 }
 
+/// Whether one of the two is in one place, within a micrometre: a scale between them would be one of noise.
+bool scale_is_open(Trajectory estimate, Trajectory groundtruth) {
+  const PairedPoints points = paired_points(estimate, groundtruth);
+  return dimensions_of(points[0]) == 0 || dimensions_of(points[1]) == 0;
+}
+
 /// Why an ATE cannot be given.
 std::string why_no_ate(Trajectory estimate, Trajectory groundtruth, const std::string& est_name,
                        const std::string& gt_name, Alignment alignment) {
@@ -192,7 +198,8 @@ TrajectoryReport evaluate_trajectory(Trajectory given, Trajectory groundtruth, c
   }
   const std::vector<StampedPose<double>> moved = shifted(given, offset.value_or(0));
   const Trajectory estimate = offset ? Trajectory(moved) : given;
-  const auto ate = absolute_trajectory_error<double>(estimate, groundtruth, kNear, options.alignment);
+  auto ate = absolute_trajectory_error<double>(estimate, groundtruth, kNear, options.alignment);
+  if (ate && options.alignment == Alignment::sim3 && scale_is_open(estimate, groundtruth)) ate.reset();
   const auto rpe = relative_pose_error<double>(estimate, groundtruth, kInterval);
   report.ate.translation = report.rpe.translation = report.rpe.rotation_deg = not_given();
   report.end_error = std::numeric_limits<double>::quiet_NaN();
