@@ -68,7 +68,7 @@ def per_item(b):
 
 HEAD = ["case", "scalar", OURS, "rival", "its time", "ratio"]
 COUNTED = "instructions per element"
-# Tables behind that of times; each is told by its number of columns or, where these are the same, by its last one.
+# Tables behind that of times.
 MEMORY_HEAD = ["case", "scalar", "who", "GB/s"]
 HEAP_HEAD = ["case", "scalar", "who", "heap, MB"]
 ERROR_HEAD = ["case", "scalar", "who", "error, median", "error, 95 %", "right ones found", "wrong ones among these"]

@@ -103,7 +103,7 @@ void ours(benchmark::State& state, double outliers, bool depth, int rounds, cons
   PoseOptions<S> options;
   options.rounds = rounds;
   PoseWorkspace<S> workspace;
-  time_pose<S>(state, outliers, depth, 0.01, [&](const PoseProblem<S>& problem) {
+  time_pose<S>(state, outliers, depth, 0.002, [&](const PoseProblem<S>& problem) {
     return [&] {
       return optimize_pose<S>(camera, problem.observations, problem.initial, options, kernel, workspace)
           .T_c_w;
@@ -171,7 +171,7 @@ void ours_absolute(benchmark::State& state, double outliers, bool depth) {
 
 #ifdef DYNSLAM_BENCH_OPENCV
 void opencv_ransac(benchmark::State& state, double outliers, int method) {
-  time_pose<double>(state, outliers, true, 0.1, [=](const PoseProblem<double>& problem) {
+  time_pose<double>(state, outliers, true, 0.05, [=](const PoseProblem<double>& problem) {
     return [=, rival = baselines::OpenCvPose(bench::camera<double>(), problem.observations)]() mutable {
       return rival.ransac(method, kBound);
     };

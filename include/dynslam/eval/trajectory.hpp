@@ -167,9 +167,7 @@ enum class Alignment {
 
 namespace detail {
 /// Scale and translation that go with the rotation of least squares.
-/// @return false, with nothing done, where one of the two is in one place, as far as S can tell: a scale
-/// between
-///         them would be none, or lay all on one point
+/// @return false, with nothing done, where one of the two is in one place, as far as S can tell
 template <std::floating_point S>
 [[nodiscard]] bool scale_alignment(std::span<const Eigen::Matrix<S, 3, 1>> a,
                                    std::span<const Eigen::Matrix<S, 3, 1>> b, SE3<S>& T, S& scale) {
@@ -188,6 +186,7 @@ template <std::floating_point S>
     size_a += a[k].squaredNorm();
     size_b += b[k].squaredNorm();
   }
+  // A scale between them would be none, or lay all on one point.
   const S rounding = S(100) * Eigen::NumTraits<S>::epsilon();  // of coordinates, relative
   if (!(spread_a > rounding * rounding * size_a && spread_b > rounding * rounding * size_b)) return false;
   scale = common / spread_a;

@@ -26,6 +26,7 @@ struct SupportPlaneOptions {
   int hypotheses = 100;  ///< by three pixels each: of planes that a quarter of the pixels are on, 79 % are found in a frame
   int samples = 300;     ///< pixels that judge them
   float base = 0.03F, quad = 0.010F;  ///< a pixel at depth z is on the plane within base + quad z^2 [m, 1/m]
+  [[nodiscard]] float tolerance(float z) const { return base + quad * z * z; }  ///< [m]
 };
 
 /// Memory of split_supports(); keep it between calls to avoid allocation.
@@ -41,7 +42,7 @@ namespace detail {
 struct InverseDepthPlane {
   Eigen::Vector3f abc = Eigen::Vector3f::Zero();
   /// Whether a pixel of depth z lies on it.
-  /// @param tolerance  o.base + o.quad z^2 [m]
+  /// @param tolerance  SupportPlaneOptions::tolerance(z)
   [[nodiscard]] bool holds(float u, float v, float z, float tolerance) const {
     const float inverse = abc.x() * u + abc.y() * v + abc.z();
     // |z - 1 / inverse| < tolerance, without the division; behind the camera there is no plane.
@@ -65,7 +66,7 @@ inline InverseDepthPlane dominant_plane(const Image<float>& depth, std::size_t n
     const PixelIndex p = ws.rest[i * ws.rest.size() / n];
     const float z = depth(p.u, p.v);
     ws.u[i] = static_cast<float>(p.u), ws.v[i] = static_cast<float>(p.v), ws.z[i] = z;
-    ws.tolerance[i] = o.base + o.quad * z * z;
+    ws.tolerance[i] = o.tolerance(z);
   }
   InverseDepthPlane best;
   int most = 0;
@@ -122,8 +123,7 @@ void split_supports(const Pinhole& pinhole, const Image<float>& depth, const Ste
         const detail::InverseDepthPlane found = detail::dominant_plane(depth, n, options, ws);
         const auto off = [&](const PixelIndex& p) {
           const float z = depth(p.u, p.v);
-          return !found.holds(static_cast<float>(p.u), static_cast<float>(p.v), z,
-                              options.base + options.quad * z * z);
+          return !found.holds(static_cast<float>(p.u), static_cast<float>(p.v), z, options.tolerance(z));
         };
         std::size_t on = 0;
         double cubes = 0;
