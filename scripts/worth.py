@@ -8,14 +8,6 @@ import sys
 
 import sequences as sq
 
-ADDITIONS = ["surface_weights", "motion_prior", "strict_local_map", "image_alignment"]
-
-
-def without_addition(name):
-    kept = ", ".join(f'"{other}"' for other in ADDITIONS if other != name)
-    return f"[tracker]\nadditions = [{kept}]\n"
-
-
 # Name of a part -> what of the configuration leaves it out.
 PARTS = {
     "keypoints": "[tracker.geometry.belief.surfaces]\nkeypoints = 1000000\n",
@@ -24,12 +16,14 @@ PARTS = {
     "background_motion": "[tracker.search]\nyoung_frames = 0\n",
     "unmeasured_pixels": "[tracker.geometry.unmeasured]\nreach = 0.0\n",
     "margin": "[tracker.geometry]\nmargin = 0.0\n",
-    "recovered_frames": "[tracker.search]\nrecovered_frames = 0\n",
     "revise": "[tracker.search]\nrevise = false\n",
     "smoothing": "[trajectory]\nsmooth = false\n",
     "rest_lag": "[tracker.geometry.belief.free_space]\nrest_lag = 10\n",
     "memory": "[tracker.geometry.belief.free_space]\nmemory = 0.001\n",
-    **{name: without_addition(name) for name in ADDITIONS},
+    "surface_weights": "[tracker.search]\nsurface_weights = false\n",
+    "motion_prior": "[tracker.search]\nprior_share = 0.0\n",
+    "strict_local_map": "[tracker.search]\nstrict_local_map = false\n",
+    "aligned_starts": "[tracker.search]\naligned_starts = false\n",
 }
 
 
@@ -53,11 +47,14 @@ def geometric_mean(values):
 
 
 def ratios(of, base, seeds):
-    """Geometric mean over the sequences of ATE through that of the whole method, by seed."""
+    """Geometric mean over the sequences of ATE through the median seed's of the whole method, by seed. A sequence counts
+    as twice as good or bad at most: one that fails by metres, or is saved, is one of many."""
+    usual = [statistics.median(ates) if (ates := [run["trajectory"] for run in one if run.get("trajectory")]) else None
+             for one in base]
     result = []
     for k in range(len(seeds)):
-        pairs = [(a[k].get("trajectory"), b[k].get("trajectory")) for a, b in zip(of, base)]
-        result.append(geometric_mean([a / b for a, b in pairs if a and b]))
+        pairs = [(one[k].get("trajectory"), ate) for one, ate in zip(of, usual)]
+        result.append(geometric_mean([min(max(a / b, 0.5), 2.0) for a, b in pairs if a and b]))
     return result
 
 
@@ -67,14 +64,14 @@ def mean_of(runs, key):
 
 
 def spread(base, seeds):
-    """By how much the geometric mean of ATE differs between seeds of the whole method (S.D., as a ratio)."""
-    means = [geometric_mean([one[k]["trajectory"] for one in base if one[k].get("trajectory")]) for k in range(len(seeds))]
-    return statistics.stdev(means) / statistics.fmean(means) if len(means) > 1 else 0.0
+    """By how much the seeds of the whole method differ (S.D., as a ratio)."""
+    means = ratios(base, base, seeds)
+    return statistics.stdev(means) if len(means) > 1 else 0.0
 
 
 def table(chosen, parts, seeds, modes):
-    """One line per part left out: the geometric mean over the sequences of its ATE through the whole method's, the median
-    of the seeds and each of them (of the whole method: the spread), frames lost, and what the masks are like."""
+    """One line per part left out: ratios() of its ATE, the median of the seeds and each of them (of the whole method: the
+    spread), frames lost, and what the masks are like."""
     # Fields of the configuration that are set to nothing else than what leaves the part out.
     variants = {"whole": {"config": sq.config("masks")},
                 **{part: {"config": sq.config(part, PARTS[part])} for part in parts}}
