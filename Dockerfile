@@ -3,7 +3,7 @@
 # The two commands of README.md on a Debian 12 with nothing on it:
 #
 #   docker build -t dynslam .                                  # scripts/demo.sh: packages, build, demo
-#   docker run --rm dynslam                                    # scripts/test.sh: g++, clang, sanitizers, all tests
+#   docker run --rm dynslam                                    # scripts/test.sh: all tests
 #   docker run --rm -v "$PWD/SEQ:/seq:ro" -v "$PWD/out:/out" dynslam dynslam run /seq --out /out
 FROM debian:12
 

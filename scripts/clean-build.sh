@@ -6,7 +6,7 @@
 #
 #   scripts/clean-build.sh [SUITE [COMMAND...]]     SUITE: bookworm; COMMAND...: the two of README.md
 #
-#   scripts/clean-build.sh trixie                            # scripts/demo.sh, then scripts/test.sh
+#   scripts/clean-build.sh trixie                            # scripts/demo.sh, then scripts/test.sh --sanitizers
 #   WORK=/var/tmp/trixie scripts/clean-build.sh trixie sh -c 'scripts/install-deps.sh app && cmake --preset release'
 #
 # Environment: MIRROR; ROOT a folder in which the bare root is kept for the next call; WORK a folder that keeps the
@@ -45,6 +45,6 @@ if [ $# -gt 0 ]; then
   in_clone "$@"
 else
   in_clone ./scripts/demo.sh
-  in_clone ./scripts/test.sh
+  in_clone ./scripts/test.sh --sanitizers
 fi
 echo "clean-build: $suite: done in $SECONDS s"

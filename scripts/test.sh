@@ -1,11 +1,22 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# Builds everything with g++, warnings as errors, and runs every test; then the core, the tests of it and of the
-# runtime's parts with clang, and those tests again under the address and undefined behaviour sanitizers. Ends with one
-# line that says what passed. (Whole runs under sanitizers: CONTRIBUTING.md.)
+# Builds everything with g++, warnings as errors, and runs every test. Ends with one line that says what passed.
+#
+#   scripts/test.sh               what a user wants to know: does all of it work here?
+#   scripts/test.sh --sanitizers  and then, as CI does: the core, the tests of it and of the runtime's parts with clang,
+#                                 warnings as errors, and those tests again under the address and undefined behaviour
+#                                 sanitizers (whole runs under sanitizers: CONTRIBUTING.md)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+sanitizers=
+for argument in "$@"; do
+  [[ $argument == --sanitizers ]] || {
+    echo "$0: expected nothing or --sanitizers, not '$argument'" >&2
+    exit 2
+  }
+  sanitizers=yes
+done
 
 scripts/install-deps.sh
 jobs=${JOBS:-$(nproc)}
@@ -41,8 +52,10 @@ summary=()
 # Benchmarks run here for a moment each: to compile them takes longer.
 check release all -O1 -D DYNSLAM_BUILD_BENCHMARKS=ON -D DYNSLAM_BUILD_EXAMPLES=BEYOND_CORE \
   -D DYNSLAM_BENCH_FLAGS="-O1 -g0"
-# clang compiles these with warnings as errors here (all the rest: the preset "clang"), so one build serves both purposes.
-check asan-ubsan unit_tests -O0 -D DYNSLAM_BUILD_BENCHMARKS=OFF -D DYNSLAM_BUILD_EXAMPLES=OFF
+if [[ $sanitizers ]]; then
+  # clang compiles these with warnings as errors here (all the rest: the preset "clang"), so one build serves both.
+  check asan-ubsan unit_tests -O0 -D DYNSLAM_BUILD_BENCHMARKS=OFF -D DYNSLAM_BUILD_EXAMPLES=OFF
+fi
 
 step "done"
 printf '%s\n' "${summary[@]}"
