@@ -24,7 +24,6 @@
 #include "dynslam/geometry/kannala_brandt.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/geometry/pixel_ray.hpp"
-#include "dynslam/geometry/pose_curve.hpp"
 #include "dynslam/geometry/rolling_camera.hpp"
 #include "dynslam/geometry/rolling_shutter.hpp"
 #include "dynslam/geometry/se3.hpp"
@@ -85,8 +84,6 @@ void motions(const SE3<S>& T, Record<S>& out) {
   const SE3<S> tiny = T * reference_pose<S>().inverse();
   out.put("se3.tiny", tiny.log());
   out.put("se3.tiny.left_jacobian_inverse", SE3<S>::left_jacobian_inverse(tiny.log()));
-  const std::array<TimedPose<S>, 3> poses{{{0.1, T}, {0.2, tiny * T}, {0.5, T * tiny}}};
-  out.put("pose_curve", pose_between<S>(poses, 0.3).log());
 }
 
 template <class Camera>

@@ -199,7 +199,7 @@ void add_config_target(std::vector<Target>& targets) {
              "[general]\nmap = true # c\nseed = 1_0\ncamera = 'fr3'\n[tracker.geometry.weights]\nnumerator = "
              "\"auto\"\n"
              "tau = 1e-1\n[segmentation.segmenter]\nmap_classes = [\"a\\u0041\", 'b',]\ninput = [640, 480]\n"
-             "[tracker]\nadditions = [\"motion_prior\"]\nmethod = \"paper\"\npose.nu = 4\n"};
+             "[tracker]\nadditions = \"all\"\nmethod = \"paper\"\npose.nu = 4\n"};
        }});
 }
 

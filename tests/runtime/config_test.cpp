@@ -70,10 +70,6 @@ struct OtherValue {
   }
   void operator()(cv::Size* v) const { *v = {number(v->width), number(v->height)}; }
   void operator()(std::optional<double>* v) const { *v = 0.1 + 0.02; }  // in every range, with many digits
-  void operator()(std::optional<Additions>* v) const {
-    v->emplace().motion_prior = true;
-    (*v)->proven_points = true;
-  }
   void operator()(const ConfigChoice& v) const {
     v.set(v.get() == v.names.back() ? v.names.front() : v.names.back());
   }
@@ -211,7 +207,8 @@ TEST_CASE("a configuration's mistakes are named with file, line, what was expect
                  "c.toml:4: key-value pair: cannot redefine existing boolean 'map'"},
            Wrong{"[general]\ndynamics = \"magic\"\n",
                  "expected one of \"auto\", \"none\", \"semantic\", \"geometric\", \"both\", not \"magic\""},
-           Wrong{"[tracker]\nadditions = [\"magic\"]\n", "expected \"auto\" or an array of surface_weights"},
+           Wrong{"[tracker]\nadditions = [\"motion_prior\"]\n",
+                 "expected one of \"auto\", \"none\", \"all\""},
            Wrong{"[tracker.geometry.belief.free_space]\nlags = [0.1, 0.2]\n",
                  "expected an array of 7 numbers"},
            Wrong{"[segmentation.segmenter]\ninput = [640,\n", "c.toml:2: array: encountered end-of-file"},
@@ -227,16 +224,6 @@ TEST_CASE("a configuration's mistakes are named with file, line, what was expect
     CAPTURE(message);
     CHECK(mentions(message, wrong.message));
   }
-}
-
-TEST_CASE("additions that a list does not name are left out") {
-  Configured c;
-  c.read("[tracker]\nadditions = [\"motion_prior\"]\n");
-  const auto& a = c.options.tracker.additions;
-  REQUIRE(a);
-  Additions motion_prior = Additions::none();
-  motion_prior.motion_prior = true;
-  CHECK(*a == motion_prior);
 }
 
 TEST_CASE("what TOML allows is understood") {

@@ -53,8 +53,7 @@ TEST_CASE("a turning camera is not lost when a board comes to hide most of a blu
     TrackerOptions options;
     options.search.max_turn = max_turn;
     options.dynamics = DynamicsMode::geometric;
-    options.additions = additions(options.method, options.dynamics);
-    options.additions->image_alignment = alignment;
+    options.additions = alignment ? Additions::all : Additions::none;
     Tracker tracker(camera, options);
     int lost = 0;
     double worst = 0;

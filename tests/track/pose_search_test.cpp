@@ -15,7 +15,7 @@ namespace {
 template <class S>
 struct SearchedWall : test::TrackedWall<Pinhole<S>> {
   using Wall = test::TrackedWall<Pinhole<S>>;
-  PoseSearch<Pinhole<S>> search{PoseTrackingOptions<S>(), PoseSearchAdditions(), 1};
+  PoseSearch<Pinhole<S>> search{PoseTrackingOptions<S>(), 1};
   typename Wall::View at = this->view(2);
   SearchedFrame<S> now;
   int aligned = 0, started = 0;

@@ -20,15 +20,8 @@ namespace dynslam {
 /// A frame whose pose is searched.
 template <std::floating_point S>
 struct SearchedFrame : PoseEstimate<S> {
-  bool plain = false;                              ///< searched without PoseSearchAdditions and alignment
+  bool plain = false;  ///< searched as a paper's: all matches alike, no motion prior, no alignment
   std::optional<ImageAlignmentResult<S>> aligned;  ///< with the last frame; empty: not tried
-};
-
-/// What keeps dynamic objects and repeated texture out of PoseSearch.
-struct PoseSearchAdditions {
-  bool surface_weights = true;   ///< features count by the surface that they stand for (surface_weights())
-  bool motion_prior = true;      ///< the predicted motion counts in the consensus, too
-  bool strict_local_map = true;  ///< matches of the local map that are far off never enter the optimisation
 };
 
 /// Finds the pose of a frame while the camera is known: from the last frame's points, where these are few
@@ -41,8 +34,7 @@ class PoseSearch {
   using S = typename C::ScalarType;
 
   /// @param seed  of the consensus; a frame's index is added
-  PoseSearch(const PoseTrackingOptions<S>& options, const PoseSearchAdditions& additions, std::uint64_t seed)
-      : options_(options), additions_(additions), seed_(seed) {}
+  PoseSearch(const PoseTrackingOptions<S>& options, std::uint64_t seed) : options_(options), seed_(seed) {}
 
   /// @param align    align(T_now_last predicted): the motion since the last frame by its grey values, an
   ///                 ImageAlignmentResult
@@ -59,22 +51,18 @@ class PoseSearch {
   template <class E, class Align>
   bool locate_by_alignment(const E& from, LocalMapPose<C>& solver, Align&& align, int required,
                            SearchedFrame<S>& now) {
-    if (!start_by_alignment(from, solver, align, now) || !refine(from, solver, required, now)) return false;
+    if (!start_by_alignment(from, solver, align, now) || !solver.refine(from, required, strict(now), now))
+      return false;
     solver.add_to_readout(from, now);
     return true;
   }
 
   /// Whether matches that are far off are kept out where `now` is optimised.
   [[nodiscard]] bool strict(const SearchedFrame<S>& now) const {
-    return additions_.strict_local_map && !now.plain;
+    return options_.strict_local_map && !now.plain;
   }
 
  private:
-  template <class E>
-  bool refine(const E& from, LocalMapPose<C>& solver, int required, SearchedFrame<S>& now) const {
-    return solver.refine(from, required, strict(now), now);
-  }
-
   template <class E, class Align, class Started>
   bool locate_by_features(const E& from, LocalMapPose<C>& solver, Align& align, Started& started,
                           SearchedFrame<S>& now) {
@@ -88,21 +76,23 @@ class PoseSearch {
       if (now.inliers >= o.min_inliers) {
         started();
         const bool poor = now.inliers < o.sure_inliers;
-        if (!(poor ? refine(from, solver, o.min_inliers, now)
+        if (!(poor ? solver.refine(from, o.min_inliers, strict(now), now)
                    : solver.prove(from, o.min_inliers, strict(now), now)))
           return false;
         solver.add_to_readout(from, now);
         return true;
       }
       const auto start = solver.save(now);
-      if (refine(from, solver, 2 * o.min_inliers, now) && (!best || now.inliers > best->estimate.inliers))
+      if (solver.refine(from, 2 * o.min_inliers, strict(now), now) &&
+          (!best || now.inliers > best->estimate.inliers))
         best = solver.save(now);
       solver.restore(from, start, now);
     }
     started();
     if (!best) return false;
     const bool aligned = !now.plain && start_by_alignment(from, solver, align, now) &&
-                         refine(from, solver, 2 * o.min_inliers, now) && now.inliers > best->estimate.inliers;
+                         solver.refine(from, 2 * o.min_inliers, strict(now), now) &&
+                         now.inliers > best->estimate.inliers;
     if (aligned) {
       solver.add_to_readout(from, now);
     } else {
@@ -126,15 +116,14 @@ class PoseSearch {
     PoseConsensusOptions<S> consensus;
     consensus.seed = seed_ + now.frame.index;
     const Eigen::Vector2i image_size(solver.placer().width(), solver.placer().height());
-    if (additions_.motion_prior && !now.plain) {
+    if (!now.plain) {
       const auto interval = static_cast<S>(std::max(1e-3, from.time.t - last.t));
       consensus.prior_share = o.prior_share;
       consensus.prior_translation = o.prior_speed * interval;
       consensus.prior_rotation = o.prior_turn * interval;
     }
-    const SE3<S> start =
-        optimiser.consensus(predicted, std::span<const SE3<S>>(&last.T_c_w, 1), consensus,
-                            additions_.surface_weights && !now.plain ? &image_size : nullptr);
+    const SE3<S> start = optimiser.consensus(predicted, std::span<const SE3<S>>(&last.T_c_w, 1), consensus,
+                                             o.surface_weights && !now.plain ? &image_size : nullptr);
     optimiser.keep_consistent(start, consensus.truncation, now.frame);
     const PoseResult<S> pose = optimiser.optimize(from.map, start, now.frame);
     if (pose.inliers < o.weak_inliers) return false;
@@ -147,7 +136,7 @@ class PoseSearch {
   /// is one
   template <class E, class Align>
   bool start_by_alignment(const E& from, LocalMapPose<C>& solver, Align& align, SearchedFrame<S>& now) const {
-    if (from.last.lost_frames() >= options_.coasting_frames) return false;
+    if (!options_.aligned_starts || from.last.lost_frames() >= options_.coasting_frames) return false;
     if (!now.aligned) now.aligned = align(from.last.predicted_motion());
     if (!now.aligned->ok()) return false;
     const SE3<S> T_c_w = now.aligned->T_image_reference * from.last.frame().T_c_w;
@@ -159,7 +148,6 @@ class PoseSearch {
   }
 
   PoseTrackingOptions<S> options_;
-  PoseSearchAdditions additions_;
   std::uint64_t seed_;
 };
 

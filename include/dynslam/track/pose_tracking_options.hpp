@@ -20,9 +20,12 @@ struct PoseTrackingOptions {
   int coasting_frames = 3;     ///< lost for fewer: the motion that was is tried before the places
   float near_radius = 12.0F,
         far_radius = 30.0F;  ///< of the search for the last frame's points [px of their level]
+  bool aligned_starts = true;   ///< where few features lead from the last frame, its grey values are a start
+  bool surface_weights = true;  ///< matches count by the surface that they stand for (surface_weights())
   S prior_share = S(0.2);    ///< the predicted motion counts as this share of all matches
   S prior_speed = S(0.9);    ///< standard deviation of the change of velocity between two frames [m/s]
   S prior_turn = S(0.9);     ///< and of the angular velocity's [rad/s]
+  bool strict_local_map = true;  ///< matches of the local map that are far off never enter the optimisation
   S local_chi2 = S(25);      ///< squared normalised error from which a match of the local map is dropped
   int candidates = 5;        ///< keyframes tried per lost frame
   S max_speed = S(4);        ///< of a hand [m/s]: farther, a place that looks right is another one
@@ -36,13 +39,6 @@ struct PoseTrackingOptions {
   /// Share of a pose's matches on the foreground, up to which the background is not asked: 0.58 of those of a
   /// pose that follows a board, 0.16 at most of one that does not.
   S foreground_share = S(0.25);
-  /// A loss of so many frames at most is gone through once more when the camera is known on both sides of it;
-  /// 0: never. Their images are kept meanwhile (2.2 MB each at 640x480).
-  std::size_t recovered_frames = 20;
-  /// How far beside where the motion on both sides leads such a pose may be, by the time to the nearest one
-  /// that is known [m/s, rad/s].
-  S recovered_speed = S(0.5);
-  int recovered_inliers = 12;   ///< of such a pose: fewer than without that bound, for it says most already
   double longest_delay = 0.05;  ///< of a depth image, over which the velocity is trusted [s]
 
   /// Between two frames, below which they tell how the camera moved while they were taken [s].

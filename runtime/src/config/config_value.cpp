@@ -47,14 +47,6 @@ struct ConfigText {
   std::string operator()(const std::optional<double>* value) const {
     return *value ? toml_text(**value) : toml_text(kAuto);
   }
-  std::string operator()(const std::optional<Additions>* value) const {
-    if (!*value) return toml_text(kAuto);
-    std::vector<std::string_view> names;
-    for (const Addition& one : kAdditions) {
-      if ((**value).*one.on) names.push_back(one.name);
-    }
-    return array_text(names);
-  }
   std::string operator()(const ConfigChoice& choice) const { return toml_text(choice.get()); }
 };
 
@@ -113,28 +105,6 @@ class ConfigSetter {
     if (!number && (text == nullptr || *text != kAuto))
       return fmt::format("\"auto\" or a number, {}", range_.text());
     *out = number;
-    return {};
-  }
-  std::string operator()(std::optional<Additions>* out) const {
-    const std::string* text = string_in(value_);
-    if (text != nullptr && *text == kAuto) {
-      out->reset();
-      return {};
-    }
-    const auto names = strings();
-    Additions additions = Additions::none();
-    for (const std::string& name : names.value_or(std::vector<std::string>{""})) {
-      const auto known = std::find_if(kAdditions.begin(), kAdditions.end(),
-                                      [&](const Addition& one) { return one.name == name; });
-      if (known == kAdditions.end()) {
-        std::string expected = "\"auto\" or an array of ";
-        for (const Addition& one : kAdditions)
-          (expected += &one == &kAdditions.front() ? "" : ", ") += one.name;
-        return expected;
-      }
-      additions.*(known->on) = true;
-    }
-    *out = additions;
     return {};
   }
   std::string operator()(ConfigChoice& choice) const {

@@ -48,7 +48,6 @@ DYNSLAM_FIELD_TYPE(std::filesystem::path)
 DYNSLAM_FIELD_TYPE(std::vector<std::string>)
 DYNSLAM_FIELD_TYPE(cv::Size)
 DYNSLAM_FIELD_TYPE(std::optional<double>)
-DYNSLAM_FIELD_TYPE(std::optional<Additions>)
 #undef DYNSLAM_FIELD_TYPE
 
 }  // namespace dynslam::runtime::config

@@ -9,15 +9,14 @@ void list(FieldList& f, TrackerOptions& o) {
   f("method",
     choice(o.method, {MotionMethod::paper, MotionMethod::full}, &parse_method,
            [](MotionMethod method) { return to_string(method); }),
-    "paper: the paper's steps alone; full: also free space, people at rest, surface weights, motion prior");
-  f("additions", o.additions, "",
-    "additions to the paper's tracking beside the masks, a list of surface_weights (features count by the "
-    "surface that they stand for), motion_prior (the predicted motion counts in the consensus), "
-    "strict_local_map (matches of the local map that are far off never enter the optimisation), "
-    "proven_points (points are made on surfaces alone that have stayed; needs geometric masks; in no mode's "
-    "\"auto\"), "
-    "image_alignment (where few features lead from the last frame, its grey values are another start); "
-    "\"auto\": by method and mode");
+    "paper: the paper's steps alone; full: also free space, people at rest, additions");
+  f("additions",
+    choice(o.additions, {Additions::by_mode, Additions::none, Additions::all}, &parse_additions,
+           [](Additions additions) { return to_string(additions); }),
+    "to the paper's search for a pose: features count by the surface that they stand for and the predicted "
+    "motion counts, too; matches of the local map that are far off are dropped before it is optimised; where "
+    "few features lead from the last frame its grey values are another start; auto: all with the full method "
+    "in all modes but none");
   f.table("features", o.features);
   f.table("depth_noise", o.depth_noise);
   f("initial_features", o.initial_features, "", "features with depth that it takes to start a map", from(1));
@@ -78,12 +77,18 @@ void list(FieldList& f, PoseTrackingOptions<double>& o) {
   f("near_radius", o.near_radius, "px",
     "radius of the first search for the last frame's points, in pixels of their level", kPositive);
   f("far_radius", o.far_radius, "px", "radius of the second search", kPositive);
+  f("aligned_starts", o.aligned_starts, "",
+    "whether the last frame's grey values are a start where few features lead from it");
+  f("surface_weights", o.surface_weights, "",
+    "whether the last frame's points count by the surface that they stand for");
   f("prior_share", o.prior_share, "", "weight of the predicted motion, as a share of all matches",
     between(0, 100));
   f("prior_speed", o.prior_speed, "m/s", "standard deviation of the change of velocity between two frames",
     kPositive);
   f("prior_turn", o.prior_turn, "rad/s",
     "standard deviation of the change of angular velocity between two frames", kPositive);
+  f("strict_local_map", o.strict_local_map, "",
+    "whether matches of the local map that are far off are dropped before the pose is optimised");
   f("local_chi2", o.local_chi2, "",
     "squared normalised error above which a match of the local map is dropped", kPositive);
   f("candidates", o.candidates, "keyframes", "keyframes tried per lost frame", between(0, 1000));
@@ -98,16 +103,6 @@ void list(FieldList& f, PoseTrackingOptions<double>& o) {
   f("revise", o.revise, "",
     "whether a frame is placed once more by the motion that the next one tells, where rows are read one "
     "after the other");
-  f("recovered_frames", o.recovered_frames, "frames",
-    "a loss of so many at most is gone through once more when the camera is known on both sides of it; 0: "
-    "never",
-    between(0, 1000));
-  f("recovered_speed", o.recovered_speed, "m/s, rad/s",
-    "how far beside where the motion on both sides leads such a pose may be, by the time to the nearest one "
-    "that is known",
-    kPositive);
-  f("recovered_inliers", o.recovered_inliers, "points", "matches that such a pose takes",
-    between(4, 1000000));
   f("longest_delay", o.longest_delay, "s",
     "longest delay of a depth image over which the velocity is trusted", kNotNegative);
   f("young_frames", o.young_frames, "frames",

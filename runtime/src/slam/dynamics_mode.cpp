@@ -30,4 +30,16 @@ std::string_view to_string(MotionMethod method) {
   return method == MotionMethod::paper ? "paper" : "full";
 }
 
+std::optional<Additions> parse_additions(std::string_view name) {
+  for (const auto one : {Additions::by_mode, Additions::none, Additions::all}) {
+    if (name == to_string(one)) return one;
+  }
+  return std::nullopt;
+}
+
+std::string_view to_string(Additions additions) {
+  constexpr std::array<std::string_view, 3> kNames{"auto", "none", "all"};
+  return kNames[static_cast<std::size_t>(additions)];
+}
+
 }  // namespace dynslam::runtime

@@ -6,14 +6,6 @@
 namespace dynslam::runtime {
 namespace {
 
-PoseSearchAdditions search_additions(const Additions& additions) {
-  PoseSearchAdditions result;
-  result.surface_weights = additions.surface_weights;
-  result.motion_prior = additions.motion_prior;
-  result.strict_local_map = additions.strict_local_map;
-  return result;
-}
-
 /// Where only so few inliers make a start, a mask is arbitrated by as few.
 MaskArbitrationOptions<double> arbitration_of_starts(const TrackerOptions& options) {
   MaskArbitrationOptions<double> result = options.arbitration;
@@ -43,12 +35,11 @@ bool leads_farther(const PoseEstimate<double>& rest, const PoseEstimate<double>&
 
 }  // namespace
 
-FrameLocator::FrameLocator(const TrackerOptions& options, const Additions& additions,
-                           const AnyCamera<double>& camera)
+FrameLocator::FrameLocator(const TrackerOptions& options, const AnyCamera<double>& camera)
     : options_(options.search),
       arbitration_(arbitration_of_starts(options)),
       camera_(camera),
-      search_(options.search, search_additions(additions), options.seed) {}
+      search_(options.search, options.seed) {}
 
 bool FrameLocator::locate(LocalMap& map, const LastFrame<double>& last, LastImages& images,
                           PoseSolver& solver, FrameState& now) {

@@ -11,7 +11,7 @@ namespace dynslam::runtime {
 /// more.
 class FrameLocator {
  public:
-  FrameLocator(const TrackerOptions& options, const Additions& additions, const AnyCamera<double>& camera);
+  FrameLocator(const TrackerOptions& options, const AnyCamera<double>& camera);
 
   /// Without another mask than the frame has. @return whether there is a pose
   bool locate(LocalMap& map, const LastFrame<double>& last, LastImages& images, PoseSolver& solver,

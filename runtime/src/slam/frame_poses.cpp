@@ -12,27 +12,15 @@ void FramePoses::add(const RgbdFrame& frame, const TrackResult& result) {
     last.T_c_reference = revised->T_c_reference;
     last.covariance = revised->covariance.leftCols<3>().cast<float>();
   }
-  for (const RecoveredPose& pose : result.recovered)
-    frames_.push_back({pose.t, pose.ns, pose.reference, pose.T_c_reference, false, false,
-                       pose.covariance.leftCols<3>().cast<float>()});
-  // Poses that were recovered before it are those of a camera that moved to it.
-  const bool anew = result.state == TrackingState::relocalised && result.recovered.empty();
+  const bool anew = result.state == TrackingState::relocalised;
   frames_.push_back({frame.t, frame.ns, result.reference, result.T_c_reference, result.keyframe, anew,
                      result.covariance.leftCols<3>().cast<float>()});
 }
 
 void FramePoses::take(const FramePoses& other, int first_keyframe) {
-  const std::size_t own = frames_.size();
-  frames_.reserve(own + other.frames_.size());
-  const auto recovered_here = [&](double t) {
-    const auto end = frames_.begin() + static_cast<std::ptrdiff_t>(own);
-    const auto at = std::lower_bound(frames_.begin(), end, t,
-                                     [](const FramePose& frame, double time) { return frame.t < time; });
-    return at != end && at->t == t;
-  };
+  frames_.reserve(frames_.size() + other.frames_.size());
   ++taken_;
   for (FramePose frame : other.frames_) {
-    if (recovered_here(frame.t)) continue;
     frame.reference += first_keyframe;
     frame.world = taken_;
     frames_.push_back(frame);

@@ -58,7 +58,7 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.result.state = locate(now) ? TrackingState::tracked : locate_lost(now);
   now.done(Stage::local_map);
   if (now.result.state == TrackingState::lost) {
-    lose(now);
+    lose();
     return now.finish();
   }
 
@@ -74,7 +74,6 @@ TrackResult Tracker::track(const RgbdFrame& input, const std::optional<Masks>& p
   now.result.T_w_c = now.frame().T_c_w.inverse();
   now.result.reference = p.map.newest();
   now.result.T_c_reference = now.frame().T_c_w * p.map.pose(p.map.newest()).inverse();
-  recover(now);
   remember(now, moves);
   now.done(Stage::keyframe);
   return now.finish();
@@ -100,6 +99,7 @@ void Tracker::extract(FrameState& now) {
                         p.solver.placer().stretch(Eigen::Vector2f(k.pt.x, k.pt.y).cast<double>());
     frame.features[i] = {.u = k.pt.x, .v = k.pt.y, .angle = k.angle, .octave = k.octave, .sigma = sigma};
   }
+  now.pose.plain = p.options.additions == Additions::none;
   p.solver.begin(now.evidence(p.map, p.last), now.pose);
 }
 
@@ -166,17 +166,8 @@ bool Tracker::rebuild_initial_map(const FrameState& now) {
   return true;
 }
 
-void Tracker::lose(FrameState& now) {
+void Tracker::lose() {
   Parts& p = *parts_;
-  if (p.recovery.keeps(p.last)) {
-    p.solver.matcher().clear(now.frame());
-    ImagePyramid pyramid = now.image->pyramid;
-    cv::Mat& base = pyramid.levels.front();
-    base = base.clone();  // it may be the caller's
-    p.recovery.remember(p.last, now.time(), std::move(pyramid), now.depth, std::move(now.frame()));
-  } else {
-    p.recovery.forget();
-  }
   p.last.release_keyframe();
   p.bundles.start(p.map);
   p.last.lose();
@@ -201,13 +192,12 @@ void Tracker::revise_last(FrameState& now) {
   const auto pose = p.revision.revise(p.map, p.last, now.input.t, now.frame().T_c_w, p.solver);
   if (pose) {
     const int reference = p.last.reference();
-    now.result.revised =
-        RecoveredPose{.t = p.last.time().t,
-                      .ns = p.last.time().ns,
-                      .reference = reference,
-                      .T_c_reference = p.last.frame().T_c_w * p.map.pose(reference).inverse(),
-                      .covariance = pose->covariance,
-                      .inliers = pose->inliers};
+    now.result.revised = RevisedPose{.t = p.last.time().t,
+                                     .ns = p.last.time().ns,
+                                     .reference = reference,
+                                     .T_c_reference = p.last.frame().T_c_w * p.map.pose(reference).inverse(),
+                                     .covariance = pose->covariance,
+                                     .inliers = pose->inliers};
   }
   // The keyframe that the last frame became, if it did, is as it stays: what waited for that begins.
   p.last.release_keyframe();
@@ -227,8 +217,8 @@ void Tracker::keep(FrameState& now) {
   Frame& frame = now.frame();
   frame.T_c_w = frame.T_c_w * apply_bundle();  // that writes the map, and so does what follows
   // Where a mask was rejected a dynamic object may be on what it covered.
-  const bool doubtful = p.options.method == MotionMethod::full && now.result.mask_rejected != MaskVerdict::kept;
-  const bool proven_alone = p.motion && (p.options.additions->proven_points || doubtful);
+  const bool proven_alone =
+      p.motion && p.options.method == MotionMethod::full && now.result.mask_rejected != MaskVerdict::kept;
   const auto trust = [&](PointMaker<double>& points, const Frame& of) {
     points.trust_all(of);
     if (proven_alone) points.trust(of, [&](float u, float v) { return p.motion->verified_static(u, v); });
@@ -243,21 +233,6 @@ void Tracker::keep(FrameState& now) {
     p.bundles.request(frame.index, now.result.loop.has_value());
   if (p.motion && p.motion->wants_reference(p.map))
     p.motion->set_reference(p.map, frame, p.solver.placer(), p.extractor.scales());
-}
-
-void Tracker::recover(FrameState& now) {
-  Parts& p = *parts_;
-  const auto found = p.recovery.recover(p.map, p.last, now.frame(), p.solver);
-  if (found.empty()) return;
-  const SE3<double> T_w_reference = p.map.pose(now.result.reference).inverse();
-  for (const FoundFrame<double>& f : found) {
-    now.result.recovered.push_back({.t = f.time.t,
-                                    .ns = f.time.ns,
-                                    .reference = now.result.reference,
-                                    .T_c_reference = f.pose.T_c_w * T_w_reference,
-                                    .covariance = f.pose.covariance,
-                                    .inliers = f.pose.inliers});
-  }
 }
 
 void Tracker::remember(FrameState& now, const cv::Mat& moves) {

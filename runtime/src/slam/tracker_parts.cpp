@@ -9,16 +9,14 @@ namespace {
 /// The options as the parts take them: what goes for several is the same in all, and what the method lacks is
 /// off.
 TrackerOptions completed(TrackerOptions options) {
-  options.additions = options.additions.value_or(additions(options.method, options.dynamics));
+  if (options.additions == Additions::by_mode)
+    options.additions = additions(options.method, options.dynamics);
   options.pose.depth_noise = options.points.depth_noise = options.depth_noise;
   options.points.average = !options.bundle;
   options.geometry.method = options.method;
   options.geometry.own_reference.use = false;  // keyframes serve
   options.geometry.pose_check.use = false;     // what moves was looked for before the pose is given
-  if (options.method != MotionMethod::full) {
-    options.search.revise = false;
-    options.search.recovered_frames = 0;
-  }
+  if (options.method != MotionMethod::full) options.search.revise = false;
   return options;
 }
 
@@ -50,16 +48,15 @@ Tracker::Parts::Parts(const CameraConfig& config, const TrackerOptions& given)
       options(completed(given)),
       extractor(options.features),
       last(options.search, camera.readout_time, camera.height),
-      last_images(options.alignment, options.additions->image_alignment),
+      last_images(options.alignment, options.additions == Additions::all),
       prior_mask(prior_options(options)),
       solver(camera.model, camera.width, camera.height, extractor.scales(), options.matching, options.pose,
              options.search),
-      locator(options, *options.additions, camera.model),
+      locator(options, camera.model),
       background(options.search, camera.model, options.feature_margin),
       relocaliser(camera.model.pinhole(), camera.model, options.depth_noise, options.relocalisation,
                   options.search),
       revision(options.search),
-      recovery(options.search),
       static_pose({options.arbitration, options.search.min_inliers, options.feature_margin}),
       inserter(camera.model.pinhole(), camera.model, camera.width, camera.height, inserter_options(options)),
       bundles(camera.model.pinhole(), options.local_bundle, schedule_options(options)) {

@@ -10,7 +10,6 @@
 #include "dynslam/track/frame_revision.hpp"
 #include "dynslam/track/keyframe_inserter.hpp"
 #include "dynslam/track/last_frame.hpp"
-#include "dynslam/track/loss_recovery.hpp"
 #include "dynslam/track/relocaliser.hpp"
 #include "slam/background_check.hpp"
 #include "slam/bundle_schedule.hpp"
@@ -42,7 +41,6 @@ struct Tracker::Parts {
   BackgroundCheck background;
   Relocaliser<Camera> relocaliser;
   FrameRevision<Camera> revision;
-  LossRecovery<Camera, ImagePyramid> recovery;
   std::optional<MotionDetection> motion;  // where the mode asks the geometry
   StaticPose static_pose;
   KeyframeInserter<Camera> inserter;

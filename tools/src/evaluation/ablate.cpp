@@ -193,7 +193,8 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
                      "has no ground truth, which the ablation needs: " + sequence.truth_missing);
   RunOptions run = options;
   run.save_masks = true;
-  if (!run.tracker.additions) run.tracker.additions = ablation_additions(run.tracker.method);
+  if (run.tracker.additions == Additions::by_mode)
+    run.tracker.additions = ablation_additions(run.tracker.method);
   const bool network = !run.segmentation.segmenter.model.empty();
   if (run.masks.empty() && !network && fs::is_directory(options.sequence / "label"))
     run.masks = options.sequence / "label";

@@ -33,9 +33,6 @@ Run run_as_if(const Sequence& sequence, CameraConfig camera, double assumed) {
   camera.readout_time = assumed;
   TrackerOptions options;
   options.dynamics = DynamicsMode::geometric;
-  // A point of a surface just come into view stands where the assumed time puts it, and speaks for that.
-  options.additions = additions(options.method, options.dynamics);
-  options.additions->proven_points = true;
   Tracker tracker(camera, options);
   tracker.measure_readout();
   Run run;

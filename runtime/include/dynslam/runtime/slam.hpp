@@ -97,10 +97,10 @@ class Slam {
   /// middle is better for those that came after it.
   [[nodiscard]] std::vector<StampedPose<double>> trajectory() const;
   /// What track() returned: T_w_c of each frame that it had a pose of at once, as the map was then, by which
-  /// a robot acts while it drives. Nothing that came later enters: no smoothing, adjustment, loop or
-  /// recovery. A frame that was lost at once has none, nor has one that only a map begun since had
-  /// (TrackResult::separate), whose place in the main one nobody knew yet, so that all are in one world: that
-  /// of the first frame, or of the map that was loaded.
+  /// a robot acts while it drives. Nothing that came later enters: no smoothing, adjustment or loop. A frame
+  /// that was lost at once has none, nor has one that only a map begun since had (TrackResult::separate),
+  /// whose place in the main one nobody knew yet, so that all are in one world: that of the first frame, or
+  /// of the map that was loaded.
   [[nodiscard]] const std::vector<StampedPose<double>>& live_trajectory() const;
   /// Those of the frames that became keyframes, where the map has them.
   [[nodiscard]] std::vector<StampedPose<double>> keyframe_trajectory() const;

@@ -41,7 +41,7 @@ struct ConfigChoice {
 /// Where a field's value is.
 using ConfigValue = std::variant<bool*, int*, std::uint64_t*, float*, double*, std::string*,
                                  std::filesystem::path*, std::vector<std::string>*, std::span<double>,
-                                 cv::Size*, std::optional<double>*, std::optional<Additions>*, ConfigChoice>;
+                                 cv::Size*, std::optional<double>*, ConfigChoice>;
 
 /// A field of the options, as it stands in a configuration file.
 struct ConfigField {

@@ -3,7 +3,6 @@
 
 #include "dynslam/push_macros.hpp"
 
-#include <array>
 #include <optional>
 #include <string_view>
 
@@ -27,7 +26,7 @@ enum class DynamicsMode { none, semantic, geometric, both };
   return m == DynamicsMode::geometric || m == DynamicsMode::both;
 }
 
-/// With `paper` all features are alike, too; `full` takes people at rest and `Additions` beside the masks.
+/// `full` takes people at rest and Additions beside the masks.
 using dynslam::MotionMethod;
 
 /// A method by its name; empty: there is none of that name.
@@ -35,61 +34,20 @@ using dynslam::MotionMethod;
 /// Name of a method.
 [[nodiscard]] std::string_view to_string(MotionMethod method);
 
-/// What this system adds to the paper's tracking, beside the masks. Each is off until it is switched on by
-/// its name: with a list of values in a row, a field that is added later would keep its default unnoticed.
-struct Additions {
-  bool surface_weights = false;   ///< features count by the surface that they stand for (surface_weights())
-  bool motion_prior = false;      ///< the predicted motion counts in the consensus, too
-  bool strict_local_map = false;  ///< matches of the local map that are far off never enter the optimisation
-  bool proven_points = false;     ///< points only on surfaces known to have stayed; needs geometric masks
-  bool image_alignment = false;  ///< where few features lead from the last frame, its grey values are a start
+/// What the search for a pose takes beside the paper's: features count by the surface that they stand for,
+/// and the predicted motion counts, too; matches of the local map that are far off are dropped before it is
+/// optimised; where few features lead from the last frame its grey values are a start. By mode: with the
+/// full method in all modes but `none`, which is the baseline.
+enum class Additions { by_mode, none, all };
 
-  constexpr Additions() = default;  // declared: no aggregate
-  [[nodiscard]] static constexpr Additions none() { return {}; }
-  [[nodiscard]] static constexpr Additions all();
-  [[nodiscard]] friend constexpr bool operator==(const Additions&, const Additions&) = default;
-};
+/// Additions by their name, "auto": by mode; empty: there is none of that name.
+[[nodiscard]] std::optional<Additions> parse_additions(std::string_view name);
+/// Name of what is added.
+[[nodiscard]] std::string_view to_string(Additions additions);
 
-/// A switch of Additions and its name.
-struct Addition {
-  std::string_view name;
-  bool Additions::*on;
-};
-/// All of them.
-inline constexpr std::array<Addition, 5> kAdditions{{
-    {"surface_weights", &Additions::surface_weights},
-    {"motion_prior", &Additions::motion_prior},
-    {"strict_local_map", &Additions::strict_local_map},
-    {"proven_points", &Additions::proven_points},
-    {"image_alignment", &Additions::image_alignment},
-}};
-
-constexpr Additions Additions::all() {
-  Additions result;
-  for (const Addition& one : kAdditions) result.*one.on = true;
-  return result;
-}
-
-static_assert(sizeof(Additions) == kAdditions.size() * sizeof(bool) &&
-                  [] {
-                    Additions seen;
-                    for (const Addition& one : kAdditions) {
-                      if (seen.*one.on) return false;
-                      seen.*one.on = true;
-                    }
-                    return true;
-                  }(),
-              "every field of Additions stands once in kAdditions");
-
-/// What a run of a method and mode takes: nothing with the paper's, and with `none`, which is the baseline.
-/// `proven_points` is taken by no mode of itself: with twenty keyframes adjusted together the points that it
-/// leaves out are worth more than the few moving objects among them (docs/method.md).
+/// What a run of a method and mode takes.
 [[nodiscard]] constexpr Additions additions(MotionMethod method, DynamicsMode mode) {
-  if (method == MotionMethod::paper || mode == DynamicsMode::none) return Additions::none();
-  Additions result = Additions::all();
-  result.proven_points = false;
-  result.strict_local_map = uses_geometry(mode);
-  return result;
+  return method == MotionMethod::paper || mode == DynamicsMode::none ? Additions::none : Additions::all;
 }
 
 }  // namespace dynslam::runtime

@@ -10,7 +10,6 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string_view>
-#include <vector>
 
 #include "dynslam/dynamics/mask_arbitration.hpp"
 #include "dynslam/geometry/se3.hpp"
@@ -54,9 +53,8 @@ struct SeparatePose {
   SE3<double> T_w_c;  ///< in a world of its own
 };
 
-/// An earlier frame's pose: of one that was lost when it came, since the camera is known again; or a better
-/// one.
-struct RecoveredPose {
+/// The last frame's pose once more.
+struct RevisedPose {
   double t = 0;         ///< its time [s]
   std::int64_t ns = 0;  ///< RgbdFrame::ns
   int reference = 0;    ///< as TrackResult has these
@@ -87,8 +85,7 @@ struct TrackResult {
   MaskVerdict mask_rejected = MaskVerdict::kept;  ///< why the pose was not found by the mask, if it was not
   int matches = 0, inliers = 0;
   std::optional<SeparatePose> separate;  ///< of a lost frame that another map has; see NewMapOptions
-  std::optional<RecoveredPose> revised;  ///< the frame before, by how the camera is known now to have moved
-  std::vector<RecoveredPose> recovered;  ///< of the loss that this frame ends, in their order
+  std::optional<RevisedPose> revised;    ///< the frame before, by how the camera is known now to have moved
   /// What moves (kMovesNow) and what only may move, by its class, and stands (kMayMove); else 0. CV_8UC1, always of image
   /// size.
   cv::Mat dynamic_mask;

@@ -74,12 +74,11 @@ class Tracker {
   /// The first frame was placed as a camera at rest would have seen it. The second tells how it moved: the
   /// map begins anew, the rows where they belong. @return whether it did
   bool rebuild_initial_map(const FrameState& now);
-  void lose(FrameState& now);
+  void lose();
   void find_dynamic(FrameState& now);
   void revise_last(FrameState& now);
   void accept(FrameState& now);
   void keep(FrameState& now);
-  void recover(FrameState& now);
   void remember(FrameState& now, const cv::Mat& moves);
   /// Waits for the bundle adjustment, if one was asked for, and uses it. @return the correction, see
   /// LastFrame::follow()

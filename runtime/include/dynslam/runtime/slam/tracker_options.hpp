@@ -31,7 +31,7 @@ using PoseSearchOptions = PoseTrackingOptions<double>;
 struct TrackerOptions {
   DynamicsMode dynamics = DynamicsMode::both;
   MotionMethod method = MotionMethod::full;
-  std::optional<Additions> additions;  ///< empty: as method and mode have them
+  Additions additions = Additions::by_mode;  ///< to the paper's search for a pose
   FeatureOptions features;
   MotionSegmenterOptions<double> geometry;  ///< its method is the one above
   std::uint64_t seed = 1;                   ///< of the consensus
