@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <filesystem>
+#include <fstream>
 #include <string>
 
 #include "program.hpp"
@@ -25,6 +26,18 @@ TEST_CASE("synth and ablate work from end to end and leave the tables and pictur
     CAPTURE(file);
     CHECK(std::filesystem::exists(folder.path / "o" / file));
   }
+}
+
+TEST_CASE("a model that cannot be loaded is refused before the modes that need none have run") {
+  const dynslam::test::TemporaryFolder folder;
+  const std::string path = folder.path.string();
+  REQUIRE(call("synth " + path + "/s --frames 3 --size 64x64").code == 0);
+  std::ofstream(folder.path / "junk.onnx") << "junk";
+  const ProgramResult r = call("ablate " + path + "/s --out " + path + "/o --model " + path + "/junk.onnx");
+  CAPTURE(r.out);
+  CHECK(r.code != 0);
+  CHECK(r.out.find("junk.onnx") != std::string::npos);
+  CHECK_FALSE(std::filesystem::exists(folder.path / "o" / "none"));
 }
 
 TEST_CASE("an ablation without masks runs what it can and says so; a camera at rest does not end it") {

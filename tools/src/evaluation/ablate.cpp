@@ -19,6 +19,7 @@
 #include "dynslam/runtime/io/image_io.hpp"
 #include "dynslam/runtime/io/map_io.hpp"
 #include "dynslam/runtime/io/tum_reader.hpp"
+#include "dynslam/runtime/nets/onnx_segmenter.hpp"
 #include "io/frame_images.hpp"
 #include "io/make_folder.hpp"
 
@@ -196,6 +197,7 @@ Ablation ablate(const RunOptions& options, const std::atomic<bool>& stop,
   if (run.tracker.additions == Additions::by_mode)
     run.tracker.additions = ablation_additions(run.tracker.method);
   const bool network = !run.segmentation.segmenter.model.empty();
+  if (network) (void)OnnxSegmenter(run.segmentation.segmenter);  // is refused before the first mode has run
   if (run.masks.empty() && !network && fs::is_directory(options.sequence / "label"))
     run.masks = options.sequence / "label";
 
