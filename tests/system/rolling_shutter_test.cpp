@@ -77,8 +77,6 @@ TEST_CASE("a readout is measured from images, with an interval that holds it, or
   synth.frames = 60;
   synth.scenario = "empty";
   synth.path = "rpy";
-  synth.width = 320;
-  synth.height = 240;
   for (const double truth : {0.024, 0.0}) {
     CAPTURE(truth);
     synth.readout_time = truth;
