@@ -53,7 +53,7 @@ TEST_CASE("a turning camera is not lost when a board comes to hide most of a blu
     TrackerOptions options;
     options.search.max_turn = max_turn;
     options.dynamics = DynamicsMode::geometric;
-    options.additions = alignment ? Additions::all : Additions::none;
+    options.search.aligned_starts = alignment;
     Tracker tracker(camera, options);
     int lost = 0;
     double worst = 0;

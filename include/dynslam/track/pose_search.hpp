@@ -51,8 +51,7 @@ class PoseSearch {
   template <class E, class Align>
   bool locate_by_alignment(const E& from, LocalMapPose<C>& solver, Align&& align, int required,
                            SearchedFrame<S>& now) {
-    if (!start_by_alignment(from, solver, align, now) || !solver.refine(from, required, strict(now), now))
-      return false;
+    if (!start_by_alignment(from, solver, align, now) || !refine(from, solver, required, now)) return false;
     solver.add_to_readout(from, now);
     return true;
   }
@@ -63,6 +62,11 @@ class PoseSearch {
   }
 
  private:
+  template <class E>
+  bool refine(const E& from, LocalMapPose<C>& solver, int required, SearchedFrame<S>& now) const {
+    return solver.refine(from, required, strict(now), now);
+  }
+
   template <class E, class Align, class Started>
   bool locate_by_features(const E& from, LocalMapPose<C>& solver, Align& align, Started& started,
                           SearchedFrame<S>& now) {
@@ -76,23 +80,21 @@ class PoseSearch {
       if (now.inliers >= o.min_inliers) {
         started();
         const bool poor = now.inliers < o.sure_inliers;
-        if (!(poor ? solver.refine(from, o.min_inliers, strict(now), now)
+        if (!(poor ? refine(from, solver, o.min_inliers, now)
                    : solver.prove(from, o.min_inliers, strict(now), now)))
           return false;
         solver.add_to_readout(from, now);
         return true;
       }
       const auto start = solver.save(now);
-      if (solver.refine(from, 2 * o.min_inliers, strict(now), now) &&
-          (!best || now.inliers > best->estimate.inliers))
+      if (refine(from, solver, 2 * o.min_inliers, now) && (!best || now.inliers > best->estimate.inliers))
         best = solver.save(now);
       solver.restore(from, start, now);
     }
     started();
     if (!best) return false;
     const bool aligned = !now.plain && start_by_alignment(from, solver, align, now) &&
-                         solver.refine(from, 2 * o.min_inliers, strict(now), now) &&
-                         now.inliers > best->estimate.inliers;
+                         refine(from, solver, 2 * o.min_inliers, now) && now.inliers > best->estimate.inliers;
     if (aligned) {
       solver.add_to_readout(from, now);
     } else {

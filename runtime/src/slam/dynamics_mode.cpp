@@ -3,15 +3,25 @@
 
 #include <array>
 #include <cstddef>
+#include <initializer_list>
 
 namespace dynslam::runtime {
+namespace {
 
-std::optional<DynamicsMode> parse_dynamics(std::string_view name) {
-  for (const auto mode :
-       {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both}) {
-    if (name == to_string(mode)) return mode;
+/// That of `all` which has a name.
+template <class E>
+std::optional<E> with_name(std::string_view name, std::initializer_list<E> all) {
+  for (const E one : all) {
+    if (name == to_string(one)) return one;
   }
   return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<DynamicsMode> parse_dynamics(std::string_view name) {
+  return with_name(name,
+                   {DynamicsMode::none, DynamicsMode::semantic, DynamicsMode::geometric, DynamicsMode::both});
 }
 
 std::string_view to_string(DynamicsMode mode) {
@@ -20,10 +30,7 @@ std::string_view to_string(DynamicsMode mode) {
 }
 
 std::optional<MotionMethod> parse_method(std::string_view name) {
-  for (const auto method : {MotionMethod::paper, MotionMethod::full}) {
-    if (name == to_string(method)) return method;
-  }
-  return std::nullopt;
+  return with_name(name, {MotionMethod::paper, MotionMethod::full});
 }
 
 std::string_view to_string(MotionMethod method) {
@@ -31,10 +38,7 @@ std::string_view to_string(MotionMethod method) {
 }
 
 std::optional<Additions> parse_additions(std::string_view name) {
-  for (const auto one : {Additions::by_mode, Additions::none, Additions::all}) {
-    if (name == to_string(one)) return one;
-  }
-  return std::nullopt;
+  return with_name(name, {Additions::by_mode, Additions::none, Additions::all});
 }
 
 std::string_view to_string(Additions additions) {
