@@ -3,6 +3,9 @@
 
 #include <doctest/doctest.h>
 
+#include <cstddef>
+#include <vector>
+
 #include "dynslam/dynamics/free_space_history.hpp"
 #include "dynslam/geometry/pinhole.hpp"
 #include "dynslam/segment/growing_criteria.hpp"
@@ -47,13 +50,13 @@ struct OutlineScene {
   }
   /// What the outline of the surface that holds a cell says of it.
   [[nodiscard]] float evidence_at(int u, int v) const {
-    MovedShare total;
+    const SurfaceOutline& one = at(u, v);
+    MovedShare others;  // the wall or the board: there is one beside
     for (const SurfaceOutline& o : ws.surfaces) {
-      total.all += o.cells;
-      total.moved += o.moved;
+      if (&o != &one) others = {others.all + o.cells, others.moved + o.moved};
     }
     const SurfaceEvidenceOptions weights;
-    return surface_evidence({at(u, v).cells, at(u, v).moved}, total, weights.outline, weights);
+    return surface_evidence({one.cells, one.moved}, others.share(), weights.outline, weights);
   }
 };
 
@@ -93,14 +96,21 @@ TEST_CASE_TEMPLATE("what stands before the rest of the view is told from what li
 
 TEST_CASE("a surface moves by as much as more of it has moved than of the others") {
   const SurfaceEvidenceOptions o;
-  const auto ratio = [&](MovedShare own, MovedShare others) {
-    return surface_evidence(own, {own.all + others.all, own.moved + others.moved}, o.keypoints, o);
-  };
-  CHECK(ratio({100, 95}, {50, 5}) == doctest::Approx(o.most));
-  CHECK(ratio({100, 5}, {50, 5}) == doctest::Approx(-o.most_rest));
-  CHECK(ratio({100, 95}, {50, 48}) < 0);  // all has moved: the pose is wrong
-  CHECK(ratio({100, 60}, {50, 5}) > 0);
-  CHECK(ratio({100, 35}, {50, 5}) < 0);
-  CHECK(ratio({o.keypoints - 1, o.keypoints - 1}, {50, 0}) == 0);  // too few to tell
-  CHECK(ratio({100, 100}, {0, 0}) > 0);
+  CHECK(surface_evidence({100, 95}, 0.1, o.keypoints, o) == doctest::Approx(o.most));
+  CHECK(surface_evidence({100, 5}, 0.1, o.keypoints, o) == doctest::Approx(-o.most_rest));
+  CHECK(surface_evidence({100, 95}, 0.96, o.keypoints, o) < 0);  // all has moved: the pose is wrong
+  CHECK(surface_evidence({100, 60}, 0.1, o.keypoints, o) > 0);
+  CHECK(surface_evidence({100, 30}, 0.1, o.keypoints, o) < 0);
+  CHECK(surface_evidence({o.keypoints - 1, o.keypoints - 1}, 0, o.keypoints, o) == 0);  // too few to tell
+}
+
+TEST_CASE("two people are no measure for each other of what stands, a room that moves is") {
+  const std::vector<MovedShare> surfaces{{200, 10}, {80, 40}, {90, 60}, {40, 1}};
+  const std::vector<std::size_t> by_share{3, 0, 1, 2};
+  CHECK(share_of_others(surfaces, by_share, 1) == doctest::Approx(0.05));  // the mean of the others is 0.22
+  CHECK(share_of_others(surfaces, by_share, 2) == doctest::Approx(0.05));
+  const std::vector<MovedShare> room{{200, 150}, {80, 60}, {40, 1}};  // by a wrong pose
+  CHECK(share_of_others(room, std::vector<std::size_t>{2, 0, 1}, 1) == doctest::Approx(0.75));
+  const std::vector<MovedShare> alone{{}, {80, 60}};
+  CHECK(share_of_others(alone, std::vector<std::size_t>{0, 1}, 1) == 0);
 }

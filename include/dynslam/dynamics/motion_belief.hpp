@@ -8,6 +8,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <numeric>
 #include <span>
 #include <vector>
 
@@ -131,35 +132,39 @@ class MotionBelief {
     const int w = grid.width();
     const int edge = static_cast<int>(std::lround(options_.surfaces.keypoint_edge * w));
     keypoints_.assign(surfaces + 1, {});
-    all_keypoints_ = {};
     for (const JudgedMatch<S>& m : matches) {
       const int c = grid.cell_at(static_cast<float>(m.x_m.x()), static_cast<float>(m.x_m.y()));
       if (c < 0) continue;
       if (m.dynamic && beside_nearer(depth, c % w, c / w, edge, options_.free_space.margins)) continue;
       keypoints_[static_cast<std::size_t>(outlines_.surface.data()[c])].add(m.dynamic);
-      all_keypoints_.add(m.dynamic);
     }
   }
 
   /// Adds what outlines and keypoints are evidence of for whole surfaces.
   void add_surfaces(std::span<const SurfaceOutline> surfaces) {
     const SurfaceEvidenceOptions& o = options_.surfaces;
-    MovedShare outlines;
-    for (const SurfaceOutline& s : surfaces) {
-      outlines.all += s.cells;
-      outlines.moved += s.moved;
-    }
-    for (std::size_t k = 0; k < surfaces.size(); ++k) {
-      const SurfaceOutline& s = surfaces[k];
+    outline_.clear();
+    outline_.emplace_back();  // of no surface
+    for (const SurfaceOutline& s : surfaces) outline_.push_back({s.cells, s.moved});
+    sort_by_share(outline_, by_outline_);
+    sort_by_share(keypoints_, by_keypoints_);
+    for (std::size_t k = 1; k <= surfaces.size(); ++k) {
+      const SurfaceOutline& s = surfaces[k - 1];
       const int least = static_cast<int>(o.perimeter * std::sqrt(static_cast<double>(s.area)));
-      const MovedShare outline{std::max(s.cells, least), s.moved};
-      const MovedShare total{outlines.all - s.cells + outline.all, outlines.moved};
-      const float ratio = surface_evidence(outline, total, o.outline, o) +
-                          surface_evidence(keypoints_[k + 1], all_keypoints_, o.keypoints, o);
+      const float ratio =
+          surface_evidence({std::max(s.cells, least), s.moved}, share_of_others(outline_, by_outline_, k),
+                           o.outline, o) +
+          surface_evidence(keypoints_[k], share_of_others(keypoints_, by_keypoints_, k), o.keypoints, o);
       if (ratio == 0) continue;
       // No more is known of a cell by that: one that is new takes the belief of those beside it.
       outlines_.for_each_cell(s, [&](int u, int v) { evidence_.belief(u, v) += ratio; });
     }
+  }
+
+  static void sort_by_share(std::span<const MovedShare> surfaces, std::vector<std::size_t>& order) {
+    order.resize(surfaces.size());
+    std::iota(order.begin(), order.end(), std::size_t(0));
+    std::ranges::sort(order, {}, [&](std::size_t k) { return surfaces[k].share(); });
   }
 
   MotionBeliefOptions options_;
@@ -168,8 +173,8 @@ class MotionBelief {
   Image<int> plane_;  // of each cell; 0: none
   SupportPlaneWorkspace supports_;
   MovedOutlineWorkspace outlines_;
-  std::vector<MovedShare> keypoints_;  // of each surface; the first: of none
-  MovedShare all_keypoints_;
+  std::vector<MovedShare> keypoints_, outline_;  // of each surface; the first: of none
+  std::vector<std::size_t> by_keypoints_, by_outline_;
   PoolingWorkspace pooling_;
   MaskWorkspace morphology_;
 };

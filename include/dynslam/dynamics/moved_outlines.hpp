@@ -23,7 +23,7 @@ namespace dynslam {
 
 /// How the outline and the keypoints of a surface are evidence for all of it.
 struct SurfaceEvidenceOptions {
-  double share = 0.3;                ///< by which more of it must have moved than of the others
+  double share = 0.25;               ///< by which more of it must have moved than of the others
   double slope = 10;                 ///< log-likelihood ratio per share beyond that
   double most = 3, most_rest = 0.5;  ///< greatest ratio for motion and for rest
   /// Least outline of a surface of n cells, in sqrt(n) sides: a square has 4. Where less is its own
@@ -201,15 +201,29 @@ struct MovedShare {
   [[nodiscard]] double share() const { return all > 0 ? static_cast<double>(moved) / all : 0.0; }
 };
 
+/// How much of the surfaces but one has moved: the median of their shares, each with the weight of its parts.
+/// Others that move are no measure of what stands; where most has moved, the pose is wrong.
+/// @param by_share  indices of `surfaces`, the least share first
+[[nodiscard]] inline double share_of_others(std::span<const MovedShare> surfaces,
+                                            std::span<const std::size_t> by_share, std::size_t one) {
+  int all = 0;
+  for (const MovedShare& s : surfaces) all += s.all;
+  all -= surfaces[one].all;
+  int below = 0;
+  for (const std::size_t k : by_share) {
+    if (k == one) continue;
+    below += surfaces[k].all;
+    if (2 * below >= all) return surfaces[k].share();
+  }
+  return 0;
+}
+
 /// What parts of a surface say of all of it, as a log-likelihood ratio of motion. What counts is how much
-/// more of it has moved than of everything else: where all has moved, the pose is wrong.
-/// @param total  of the view, the surface included
-[[nodiscard]] inline float surface_evidence(const MovedShare& own, const MovedShare& total, int least,
+/// more of it has moved than of others.
+[[nodiscard]] inline float surface_evidence(const MovedShare& own, double others, int least,
                                             const SurfaceEvidenceOptions& o) {
   if (own.all < least) return 0;
-  const MovedShare others{total.all - own.all, total.moved - own.moved};
-  return static_cast<float>(
-      std::clamp(o.slope * (own.share() - others.share() - o.share), -o.most_rest, o.most));
+  return static_cast<float>(std::clamp(o.slope * (own.share() - others - o.share), -o.most_rest, o.most));
 }
 
 }  // namespace dynslam
