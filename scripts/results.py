@@ -137,7 +137,7 @@ def composed():
     dynslam run SEQ --dynamics MODE --save-masks"""
     base = sq.RECORDED[1][0]
     rows = []
-    for sequence in sq.composed("board", base, range(1, 4), "board") + sq.composed("p1,p2", base, range(1, 3), "people"):
+    for sequence in sq.composed("board", base, range(1, 6), "board") + sq.composed("p1,p2", base, range(1, 6), "people"):
         by = measured(sequence, ["geometric", "both"], [1, 2, 3])
         for mode in ("geometric", "both"):
             found = by["", mode]
