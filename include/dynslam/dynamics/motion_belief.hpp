@@ -8,7 +8,6 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
-#include <numeric>
 #include <span>
 #include <vector>
 
@@ -159,12 +158,6 @@ class MotionBelief {
       // No more is known of a cell by that: one that is new takes the belief of those beside it.
       outlines_.for_each_cell(s, [&](int u, int v) { evidence_.belief(u, v) += ratio; });
     }
-  }
-
-  static void sort_by_share(std::span<const MovedShare> surfaces, std::vector<std::size_t>& order) {
-    order.resize(surfaces.size());
-    std::iota(order.begin(), order.end(), std::size_t(0));
-    std::ranges::sort(order, {}, [&](std::size_t k) { return surfaces[k].share(); });
   }
 
   MotionBeliefOptions options_;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <numeric>
 #include <span>
 #include <vector>
 
@@ -201,9 +202,16 @@ struct MovedShare {
   [[nodiscard]] double share() const { return all > 0 ? static_cast<double>(moved) / all : 0.0; }
 };
 
-/// How much of the surfaces but one has moved: the median of their shares, each with the weight of its parts.
-/// Others that move are no measure of what stands; where most has moved, the pose is wrong.
-/// @param by_share  indices of `surfaces`, the least share first
+/// Orders the indices of surfaces by share, the least first.
+inline void sort_by_share(std::span<const MovedShare> surfaces, std::vector<std::size_t>& order) {
+  order.resize(surfaces.size());
+  std::iota(order.begin(), order.end(), std::size_t(0));
+  std::ranges::sort(order, {}, [&](std::size_t k) { return surfaces[k].share(); });
+}
+
+/// Share of the surfaces but one that has moved: their median, each weighted by its number of parts. Other
+/// movers do not count; where most surfaces have moved, the pose is wrong.
+/// @param by_share  sort_by_share() of `surfaces`
 [[nodiscard]] inline double share_of_others(std::span<const MovedShare> surfaces,
                                             std::span<const std::size_t> by_share, std::size_t one) {
   int all = 0;
