@@ -26,7 +26,7 @@ TEST_CASE_TEMPLATE("the local map gives the pose from a start that is centimetre
   PoseEstimate<S> now;
   wall.see(view, now);
   now.frame.T_c_w = wall.last.frame().T_c_w;  // 3 cm behind
-  REQUIRE(wall.solver.refine(wall.evidence(view), wall.options.min_inliers, true, now));
+  REQUIRE(wall.solver.refine(wall.evidence(view), wall.options.min_inliers, 0, now));
   CHECK(now.inliers > 80);
   CHECK(wall.error(now.frame.T_c_w, view) < S(0.004));
   CHECK(now.covariance.trace() > S(0));
@@ -39,6 +39,25 @@ TEST_CASE_TEMPLATE("the local map gives the pose from a start that is centimetre
   wall.solver.restore(wall.evidence(view), found, now);
   CHECK(now.frame.features.size() == features);
   CHECK(now.inliers == found.estimate.inliers);
+}
+
+TEST_CASE_TEMPLATE("a start that is good to some pixels keeps its matches for the first look", S, float,
+                   double) {
+  test::TrackedWall<Pinhole<S>> wall(wall_camera<S>());
+  wall.start();
+  const auto view = wall.view(2);
+  const auto refined = [&](S off, int strict_from, PoseEstimate<S>& now) {
+    wall.see(view, now);
+    now.frame.T_c_w = SE3<S>(SO3<S>(), {off, 0, 0}) * view.T_c_w;
+    return wall.solver.refine(wall.evidence(view), wall.options.min_inliers, strict_from, now);
+  };
+  for (const S off : {S(0.06), S(0.1)}) {  // [m]
+    PoseEstimate<S> at_once, second;
+    CHECK_FALSE(refined(off, 0, at_once));
+    REQUIRE(refined(off, 1, second));
+    CHECK(second.inliers > 150);
+    CHECK(wall.error(second.frame.T_c_w, view) < S(0.001));
+  }
 }
 
 TEST_CASE("what patches find on a mask that leaves next to nothing is not used") {
@@ -62,5 +81,5 @@ TEST_CASE("a start that is nowhere near is no pose") {
   PoseEstimate<double> now;
   wall.see(view, now);
   now.frame.T_c_w = SE3<double>(SO3<double>::exp({0, 2, 0}), {0, 0, 0});
-  CHECK_FALSE(wall.solver.refine(wall.evidence(view), wall.options.min_inliers, true, now));
+  CHECK_FALSE(wall.solver.refine(wall.evidence(view), wall.options.min_inliers, 0, now));
 }

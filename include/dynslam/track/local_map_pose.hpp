@@ -102,11 +102,13 @@ class LocalMapPose {
   /// The same, again and again for as long as more points fit. From a poor start the local map's points may
   /// be matched to a pose that is centimetres off, and still be many. Another look from there finds those
   /// that were missed, and so on.
+  /// @param strict_from  look from which on matches that are far off are kept out: 0, the first; 1 where the
+  ///                     start is good to some pixels only and the first look would lose the true ones
   template <class E>
-  bool refine(const E& from, int required, bool strict, Estimate& now) {
+  bool refine(const E& from, int required, int strict_from, Estimate& now) {
     int most = 0;
     for (int pass = 0; pass < options_.settling_passes; ++pass) {
-      if (!prove(from, std::min(required, options_.min_inliers), strict, now)) return false;
+      if (!prove(from, std::min(required, options_.min_inliers), pass >= strict_from, now)) return false;
       const bool grows = static_cast<S>(now.inliers) >= options_.settling_growth * static_cast<S>(most);
       most = std::max(most, now.inliers);
       if (!grows) break;

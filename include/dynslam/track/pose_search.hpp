@@ -51,7 +51,8 @@ class PoseSearch {
   template <class E, class Align>
   bool locate_by_alignment(const E& from, LocalMapPose<C>& solver, Align&& align, int required,
                            SearchedFrame<S>& now) {
-    if (!start_by_alignment(from, solver, align, now) || !refine(from, solver, required, now)) return false;
+    if (!start_by_alignment(from, solver, align, now) || !refine_aligned(from, solver, required, now))
+      return false;
     solver.add_to_readout(from, now);
     return true;
   }
@@ -64,7 +65,12 @@ class PoseSearch {
  private:
   template <class E>
   bool refine(const E& from, LocalMapPose<C>& solver, int required, SearchedFrame<S>& now) const {
-    return solver.refine(from, required, strict(now), now);
+    return solver.refine(from, required, strict(now) ? 0 : options_.settling_passes, now);
+  }
+  /// The same from grey values, which are compared in images of some 200 columns: good to some pixels.
+  template <class E>
+  bool refine_aligned(const E& from, LocalMapPose<C>& solver, int required, SearchedFrame<S>& now) const {
+    return solver.refine(from, required, strict(now) ? 1 : options_.settling_passes, now);
   }
 
   template <class E, class Align, class Started>
@@ -94,7 +100,8 @@ class PoseSearch {
     started();
     if (!best) return false;
     const bool aligned = !now.plain && start_by_alignment(from, solver, align, now) &&
-                         refine(from, solver, 2 * o.min_inliers, now) && now.inliers > best->estimate.inliers;
+                         refine_aligned(from, solver, 2 * o.min_inliers, now) &&
+                         now.inliers > best->estimate.inliers;
     if (aligned) {
       solver.add_to_readout(from, now);
     } else {
