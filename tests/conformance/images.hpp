@@ -195,6 +195,9 @@ void cells_of(const ImageSet<S>& set, Record<double>& out) {
   auto standing = Kind::make(zero);
   mark_standing(Kind::in(mask), verified, 4, Kind::out(standing));
   put_image(out, "mark_standing", Kind::in(standing));
+  std::vector<StandingCount> counts;
+  mark_standing_objects(Kind::in(instances), Kind::in(depth), Kind::in(mask), Kind::out(standing), counts);
+  put_image(out, "mark_standing_objects", Kind::in(standing));
   auto carried = Kind::make(zero);
   // Seen from where it is, so that no pixel lies between two.
   carry_labels(camera, Kind::in(depth), Kind::in(instances), Kind::in(depth), SE3<S>(), Kind::out(carried));

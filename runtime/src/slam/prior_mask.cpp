@@ -13,14 +13,11 @@ void PriorMask::apply(const std::optional<Masks>& prior, FrameState& now) const 
   Frame& frame = now.frame();
   now.prior = &*prior;
   now.semantic = widened(prior->dynamic, options_.margin);
+  if (!static_.empty()) now.semantic.setTo(0, static_);  // of the frame before: people hardly jump in one
   flag(frame, now.semantic, frame.dynamic);
   // The margin keeps features off an object's rim; the mask that is output is the object itself.
   cv::compare(prior->dynamic, 0, now.result.dynamic_mask, cv::CMP_NE);
   now.mask_covers_view = unmasked_share<double>(frame.dynamic) < options_.min_left;
-  if (now.mask_covers_view || static_.empty()) return;
-  now.semantic.setTo(0, static_);  // of the frame before: people hardly jump in one
-  std::fill(frame.dynamic.begin(), frame.dynamic.end(), std::uint8_t(0));
-  flag(frame, now.semantic, frame.dynamic);
 }
 
 bool PriorMask::reject(MaskVerdict why, FrameState& now) {

@@ -5,6 +5,7 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "dynslam/dynamics/mask_arbitration.hpp"
 #include "dynslam/dynamics/standing.hpp"
@@ -31,8 +32,9 @@ class PriorMask {
   /// Goes on without the mask, as far as the pose is concerned. @return whether there was one
   static bool reject(MaskVerdict why, FrameState& now);
 
-  /// Finds surfaces that are static: where they were long before. They are used for the pose whatever a mask
-  /// says of them, and stay in the mask that is output, as something that may move.
+  /// Finds surfaces that are static: where they were long before, or of an object most of which was. They are
+  /// used for the pose whatever a mask says of them, and stay in the mask that is output, as something that
+  /// may move.
   /// @param verified  verified(u, v): the surface at a pixel was seen in the same place long before
   template <class Verified>
   void mark_static(Verified&& verified, FrameState& now) {
@@ -41,6 +43,11 @@ class PriorMask {
     static_.setTo(0);
     mark_standing(interop::view<const std::uint8_t>(std::as_const(now.moving_widened)), verified, kStride,
                   interop::view<std::uint8_t>(static_));
+    if (!now.prior->instances.empty()) {
+      mark_standing_objects(interop::view<const std::uint16_t>(now.prior->instances), now.depth,
+                            interop::view<const std::uint8_t>(std::as_const(now.moving)),
+                            interop::view<std::uint8_t>(static_), counts_);
+    }
     now.result.dynamic_mask.setTo(kMayMove, static_ & now.result.dynamic_mask);
   }
   /// 255 on those surfaces; empty: none are known.
@@ -51,6 +58,7 @@ class PriorMask {
  private:
   PriorMaskOptions options_;
   cv::Mat static_;  // CV_8UC1
+  std::vector<StandingCount> counts_;
 };
 
 }  // namespace dynslam::runtime

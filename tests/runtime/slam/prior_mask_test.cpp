@@ -99,3 +99,22 @@ TEST_CASE("surfaces that are static stay in the mask as what may move, and are u
   mask.apply(later.prior, *later.now);
   CHECK(later.flagged() == 16);
 }
+
+TEST_CASE("a static object is used whole, and no longer covers the view") {
+  PriorMask mask({true, 0, 0.2});
+  const cv::Rect wall(0, 0, 90, 100);
+  MaskedFrame first(wall), next(wall);
+  for (MaskedFrame* frame : {&first, &next})
+    frame->prior->dynamic.convertTo(frame->prior->instances, CV_16U, 1 / 255.0);
+  mask.apply(first.prior, *first.now);
+  CHECK(first.now->mask_covers_view);
+  first.now->moving = cv::Mat::zeros(kSide, kSide, CV_8UC1);
+  first.now->moving(cv::Rect(70, 80, 10, 20)).setTo(255);
+  first.now->moving_widened = first.now->moving;
+  mask.mark_static([](int u, int) { return u < 60; }, *first.now);  // the rest has just come into view
+  CHECK(first.now->result.dynamic_mask.at<std::uint8_t>(50, 80) == kMayMove);
+  CHECK(first.now->result.dynamic_mask.at<std::uint8_t>(90, 75) == kMovesNow);
+  mask.apply(next.prior, *next.now);
+  CHECK(next.flagged() == 2);
+  CHECK_FALSE(next.now->mask_covers_view);
+}
