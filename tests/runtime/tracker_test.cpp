@@ -246,6 +246,7 @@ TEST_CASE(
   Masks cover;
   cover.dynamic = cv::Mat(480, 640, CV_8UC1, cv::Scalar(255));
   cover.dynamic.colRange(600, 640) = 0;
+  cover.dynamic.convertTo(cover.instances, CV_16U, 1 / 255.0);  // one object
   const auto now_and_then = [&](std::size_t i) { return i % 3 == 1 ? std::optional(cover) : std::nullopt; };
   for (const DynamicsMode mode : {DynamicsMode::both, DynamicsMode::semantic}) {
     const auto always = run(mode, [&](std::size_t) { return std::optional(cover); });
