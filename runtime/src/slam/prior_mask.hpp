@@ -32,10 +32,10 @@ class PriorMask {
   /// Goes on without the mask, as far as the pose is concerned. @return whether there was one
   static bool reject(MaskVerdict why, FrameState& now);
 
-  /// Finds surfaces that are static: where they were long before, or of an object most of which was. They are
-  /// used for the pose whatever a mask says of them, and stay in the mask that is output, as something that
-  /// may move.
-  /// @param verified  verified(u, v): the surface at a pixel was seen in the same place long before
+  /// Finds surfaces that are static: where they were long before. They are used for the pose whatever a mask
+  /// says of them. In the mask that is output they stay, with the rest of their objects, as something that
+  /// may move. The pose does not use that rest: a board that comes into view in front of it has no evidence
+  /// yet, either.
   template <class Verified>
   void mark_static(Verified&& verified, FrameState& now) {
     constexpr int kStride = 4;  // [px]
@@ -43,12 +43,13 @@ class PriorMask {
     static_.setTo(0);
     mark_standing(interop::view<const std::uint8_t>(std::as_const(now.moving_widened)), verified, kStride,
                   interop::view<std::uint8_t>(static_));
+    static_.copyTo(whole_);
     if (!now.prior->instances.empty()) {
       mark_standing_objects(interop::view<const std::uint16_t>(now.prior->instances), now.depth,
                             interop::view<const std::uint8_t>(std::as_const(now.moving)),
-                            interop::view<std::uint8_t>(static_), counts_);
+                            interop::view<std::uint8_t>(whole_), counts_);
     }
-    now.result.dynamic_mask.setTo(kMayMove, static_ & now.result.dynamic_mask);
+    now.result.dynamic_mask.setTo(kMayMove, whole_ & now.result.dynamic_mask);
   }
   /// 255 on those surfaces; empty: none are known.
   [[nodiscard]] const cv::Mat& static_surfaces() const { return static_; }
@@ -57,7 +58,7 @@ class PriorMask {
 
  private:
   PriorMaskOptions options_;
-  cv::Mat static_;  // CV_8UC1
+  cv::Mat static_, whole_;  // CV_8UC1; whole: with the rest of their objects
   std::vector<StandingCount> counts_;
 };
 
