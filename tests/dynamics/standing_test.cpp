@@ -32,7 +32,7 @@ TEST_CASE("what is static is marked block by block, but for what moves") {
 }
 
 TEST_CASE("of an object most of which is static the rest is, but for what moves") {
-  // Objects 1 and 2 side by side, and none below; of 1 three columns of four were verified, of 2 one.
+  // Objects 1 and 900 side by side, and none below; of 1 three columns of four were verified, of 900 one.
   Image<std::uint16_t> objects(8, 4, 0);
   Image<float> depth(8, 4, 2.0F);
   Image<std::uint8_t> moving(8, 4, 0), still(8, 4, 0);

@@ -51,7 +51,8 @@ class PoseSearch {
   template <class E, class Align>
   bool locate_by_alignment(const E& from, LocalMapPose<C>& solver, Align&& align, int required,
                            SearchedFrame<S>& now) {
-    if (!start_by_alignment(from, solver, align, now) || !refine_aligned(from, solver, required, now))
+    if (!start_by_alignment(from, solver, align, now) ||
+        !refine(from, solver, required, now, kAlignedStrictFrom))
       return false;
     solver.add_to_readout(from, now);
     return true;
@@ -63,14 +64,14 @@ class PoseSearch {
   }
 
  private:
+  /// Of a start by grey values: they are compared in images of some 200 columns, good to some pixels.
+  static constexpr int kAlignedStrictFrom = 1;
+
+  /// @param strict_from  see LocalMapPose::refine(), where far matches are kept out at all
   template <class E>
-  bool refine(const E& from, LocalMapPose<C>& solver, int required, SearchedFrame<S>& now) const {
-    return solver.refine(from, required, strict(now) ? 0 : options_.settling_passes, now);
-  }
-  /// The same from grey values, which are compared in images of some 200 columns: good to some pixels.
-  template <class E>
-  bool refine_aligned(const E& from, LocalMapPose<C>& solver, int required, SearchedFrame<S>& now) const {
-    return solver.refine(from, required, strict(now) ? 1 : options_.settling_passes, now);
+  bool refine(const E& from, LocalMapPose<C>& solver, int required, SearchedFrame<S>& now,
+              int strict_from = 0) const {
+    return solver.refine(from, required, strict(now) ? strict_from : options_.settling_passes, now);
   }
 
   template <class E, class Align, class Started>
@@ -100,7 +101,7 @@ class PoseSearch {
     started();
     if (!best) return false;
     const bool aligned = !now.plain && start_by_alignment(from, solver, align, now) &&
-                         refine_aligned(from, solver, 2 * o.min_inliers, now) &&
+                         refine(from, solver, 2 * o.min_inliers, now, kAlignedStrictFrom) &&
                          now.inliers > best->estimate.inliers;
     if (aligned) {
       solver.add_to_readout(from, now);
